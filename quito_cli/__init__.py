@@ -1,0 +1,56 @@
+"""quito: constrained optimal control from a YAML file.
+
+    import quito_cli as quito
+    solution = quito.solve("problems/alychan.yaml", steps=100, variance=2)
+
+The public names are here; everything else may move.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+# Not deferred: `quito_cli.solve` is a module too, and the function is to have the name.
+from quito_cli.solve import Options, solve
+
+if TYPE_CHECKING:
+    from quito_cli.errors import QuitoError, ResultFileError, UnavailableError, UsageError
+    from quito_cli.problem.complaints import ProblemError
+    from quito_cli.problem.load import load
+    from quito_cli.problem.schema import Problem
+    from quito_cli.solution.solution import Solution
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "Problem": "quito_cli.problem.schema",
+    "ProblemError": "quito_cli.problem.complaints",
+    "QuitoError": "quito_cli.errors",
+    "ResultFileError": "quito_cli.errors",
+    "Solution": "quito_cli.solution.solution",
+    "UnavailableError": "quito_cli.errors",
+    "UsageError": "quito_cli.errors",
+    "load": "quito_cli.problem.load",
+}
+
+__all__ = [
+    "Options",
+    "Problem",
+    "ProblemError",
+    "QuitoError",
+    "ResultFileError",
+    "Solution",
+    "UnavailableError",
+    "UsageError",
+    "load",
+    "solve",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used: `quito --help` needs none of them."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'quito_cli' has no attribute {name!r}")
+    import importlib
+
+    return getattr(importlib.import_module(_HOMES[name]), name)

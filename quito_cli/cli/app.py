@@ -1,0 +1,83 @@
+"""The `quito` command: its commands by name, and what becomes of errors.
+
+Nothing heavy is imported here or at the top of a command's file: `quito --help` is quick.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Annotated
+
+import typer
+
+from quito_cli import __version__
+from quito_cli.cli.list import list_problems
+from quito_cli.cli.plot import plot
+from quito_cli.cli.schema import schema
+from quito_cli.cli.show import show
+from quito_cli.cli.solve import solve
+from quito_cli.errors import QuitoError
+
+app = typer.Typer(
+    name="quito",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog="Exit codes: 0 solved, 1 not converged, 2 wrong command line or file, 130 interrupted.",
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"quito {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _quito(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="Print the version."),
+    ] = False,
+) -> None:
+    """Solve constrained optimal control problems written in YAML.
+
+    Try: quito solve alychan -N 100 --variance 2
+    """
+
+
+app.command("solve")(solve)
+app.command("list")(list_problems)
+app.command("show")(show)
+app.command("plot")(plot)
+app.command("schema")(schema)
+
+
+def main() -> None:
+    """Run the command line; errors become messages and exit codes, never tracebacks."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):  # a narrow locale must not turn output into a crash
+            stream.reconfigure(errors="replace")
+    try:
+        app()
+    except QuitoError as error:
+        print(f"quito: {error}" if "\n" not in str(error) else str(error), file=sys.stderr)
+        sys.exit(error.exit_code)
+    except KeyboardInterrupt:
+        print("quito: interrupted", file=sys.stderr)
+        sys.exit(130)
+    except MemoryError:
+        print("quito: out of memory; try fewer --steps", file=sys.stderr)
+        sys.exit(1)
+    except Exception as error:
+        if os.environ.get("QUITO_DEBUG"):
+            raise
+        message = f"{type(error).__name__}: {error}".splitlines()[0]
+        print(
+            f"quito: a bug in quito: {message}\n"
+            "Please report it with the problem file; QUITO_DEBUG=1 shows where it happened.",
+            file=sys.stderr,
+        )
+        sys.exit(1)

@@ -1,0 +1,37 @@
+"""`quito plot`: pictures of a saved result."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+
+def plot(
+    result: Annotated[Path, typer.Argument(help="A result file of `quito solve`.")],
+    states: Annotated[bool, typer.Option("--states", help="The states.")] = False,
+    controls: Annotated[bool, typer.Option("--controls", help="The controls.")] = False,
+    costates: Annotated[bool, typer.Option("--costates", help="The costates.")] = False,
+    mesh: Annotated[bool, typer.Option("--mesh", help="The lengths of the control cells.")] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Folder for the picture. [default: the result's]"),
+    ] = None,
+    picture: Annotated[
+        Literal["png", "pdf", "svg"], typer.Option("--format", help="Format of the picture.")
+    ] = "png",
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+) -> None:
+    """Draw a saved result: states and controls, or what is asked for."""
+    from quito_cli.plots.figure import draw
+    from quito_cli.solution.solution import Solution
+
+    chosen = {"states": states, "controls": controls, "costates": costates, "mesh": mesh}
+    panels = tuple(name for name, wanted in chosen.items() if wanted)
+    suffix = "".join(f"-{name}" for name in panels)
+    solution = Solution.load(result)
+    path = (output or result.parent) / f"{result.stem}{suffix}.{picture}"
+    draw(solution, panels or ("states", "controls"), path)
+    if not quiet:
+        typer.echo(f"Saved {path}")

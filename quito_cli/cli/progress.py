@@ -1,0 +1,47 @@
+"""The live line of a solve: on a terminal, and nowhere else."""
+
+from __future__ import annotations
+
+import sys
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+if TYPE_CHECKING:
+    from quito_cli.solvers.outcome import Listener, Progress
+
+
+class ProgressLine:
+    """One line on stderr, rewritten at every iteration; one line each when asked for."""
+
+    def __init__(self, *, quiet: bool, every_line: bool) -> None:
+        self._every_line = every_line and not quiet
+        self._live = sys.stderr.isatty() and not quiet and not self._every_line
+        self._shown = False
+
+    @property
+    def listener(self) -> Listener | None:
+        """What the solver is to call; None where nothing is shown."""
+        return self._show if self._live or self._every_line else None
+
+    def _show(self, progress: Progress) -> None:
+        text = (
+            f"iteration {progress.iteration:4d}   cost {progress.cost: .9e}   "
+            f"violation {progress.violation:.2e}"
+        )
+        if self._every_line:
+            print(text, file=sys.stderr)
+        else:
+            print(f"\r{text}\x1b[K", end="", file=sys.stderr, flush=True)
+            self._shown = True
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._shown:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)

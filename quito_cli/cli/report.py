@@ -1,0 +1,179 @@
+"""A Solution for people and for programs: the summary, and the JSON object."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from quito_cli.solution.solution import Solution
+
+_MOST_VIOLATIONS = 12
+
+
+def as_dictionary(solution: Solution, result: Path | None, plot: Path | None) -> dict[str, Any]:
+    """Return what `--json` prints; figures that are not finite become null."""
+    evidence, statistics = solution.evidence, solution.statistics
+    names = [quantity.name for quantity in solution.origin.controls]
+    answer: dict[str, Any] = {
+        "problem": solution.origin.name,
+        "status": solution.status.name.lower(),
+        "message": solution.status.value,
+        "success": solution.success,
+        "cost": solution.cost,
+        "reference_cost": solution.reference.cost if solution.reference else None,
+        "iterations": statistics.iterations,
+        "steps": solution.options["steps"],
+        "build_seconds": statistics.build_seconds,
+        "solve_seconds": statistics.solve_seconds,
+        "stationarity": evidence.stationarity,
+        "feasibility": evidence.feasibility,
+        "complementarity": evidence.complementarity,
+        "maximum_violation": evidence.maximum_violation,
+        "violations": [
+            {"constraint": v.constraint, "time": v.time, "amount": v.amount}
+            for v in evidence.violations
+            if v.amount > 0
+        ],
+        "resimulated_cost": evidence.resimulated_cost,
+        "resimulation_gap": evidence.resimulation_gap,
+        "terminal_gap": evidence.terminal_gap,
+        "total_variation": dict(zip(names, evidence.total_variation, strict=True)),
+        "ringing": dict(zip(names, evidence.ringing, strict=True)),
+        "warnings": list(evidence.warnings),
+        "diagnosis": list(evidence.diagnosis),
+        "options": dict(solution.options),
+        "hdf5": None if result is None else str(result),
+        "plot": None if plot is None else str(plot),
+    }
+    return {key: _finite(value) for key, value in answer.items()}
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_finite(entry) for entry in value]
+    return value
+
+
+def print_solution(
+    solution: Solution, *, verbose: bool, files: tuple[Path | None, ...] = ()
+) -> None:
+    """Print the summary with its evidence."""
+    console = Console(highlight=False, soft_wrap=True)
+    colour = "green" if solution.success else "red"
+    word = "Solved." if solution.success else "Not solved."
+    title = solution.origin.title or solution.origin.name
+    console.print(Text(title, style="bold"))
+    console.print(Text.assemble((word, f"bold {colour}"), f" {solution.status.value}"))
+    for sentence in solution.evidence.diagnosis:
+        console.print(Text(f"  {sentence}"))
+    console.print()
+    console.print(_figures(solution))
+    if verbose:
+        console.print()
+        console.print(_all_violations(solution))
+        console.print()
+        console.print(_options(solution))
+    for warning in solution.evidence.warnings:
+        console.print(Text.assemble(("Warning: ", "bold yellow"), warning))
+    written = [str(path) for path in files if path is not None]
+    if written:
+        console.print()
+        console.print(Text("Saved " + " and ".join(written)))
+
+
+def _figures(solution: Solution) -> Table:
+    evidence, statistics, options = solution.evidence, solution.statistics, solution.options
+    table = Table.grid(padding=(0, 2))
+    table.add_column(style="dim")
+    table.add_column()
+    table.add_row("  cost", _cost(solution))
+    iterations = "?" if statistics.iterations is None else str(statistics.iterations)
+    table.add_row(
+        "  iterations",
+        f"{iterations}, built in {_seconds(statistics.build_seconds)}, "
+        f"solved in {_seconds(statistics.solve_seconds)}",
+    )
+    table.add_row("  method", _method(options))
+    changes = ", ".join(f"{name} = {value}" for name, value in solution.origin.changes)
+    if changes:
+        table.add_row("  set", changes)
+    table.add_row(
+        "  residuals",
+        f"{evidence.stationarity:.1e} stationarity, {evidence.feasibility:.1e} feasibility, "
+        f"{evidence.complementarity:.1e} complementarity (judged at {10 * evidence.tolerance:.0e})",
+    )
+    table.add_row(
+        "  re-simulated",
+        f"cost {evidence.resimulated_cost:.9g}, states within {evidence.resimulation_gap:.1e}, "
+        f"end within {evidence.terminal_gap:.1e} of their size",
+    )
+    table.add_row("  violation", _violation(solution))
+    names = [quantity.name for quantity in solution.origin.controls]
+    for label, values in (
+        ("  total variation", evidence.total_variation),
+        ("  ringing index", evidence.ringing),
+    ):
+        pairs = zip(names, values, strict=True)
+        table.add_row(label, ", ".join(f"{name} {value:.3g}" for name, value in pairs))
+    return table
+
+
+def _cost(solution: Solution) -> str:
+    sense = " (maximised)" if solution.origin.maximize else ""
+    text = f"{solution.cost:.10g}{sense}"
+    reference = solution.reference
+    if reference is None or reference.cost is None:
+        return text
+    return (
+        f"{text}, reference {reference.cost:.10g}, difference {solution.cost - reference.cost:+.1e}"
+    )
+
+
+def _method(options: Any) -> str:
+    text = f"{options['steps']} cells of {options['substeps']} {options['discretization']} steps, "
+    if options["control"] != "quasi-interpolant":
+        return f"{text}{options['control']} control"
+    plain = "" if options["normalised"] else ", as printed"
+    return f"{text}{options['generating_function']} quasi-interpolant, variance {options['variance']:g}{plain}"
+
+
+def _violation(solution: Solution) -> str:
+    worst = [v for v in solution.evidence.violations if v.amount > 0]
+    if not worst:
+        return "none, between the nodes too"
+    return f"at most {worst[0].amount:.1e}: {worst[0].constraint} at t = {worst[0].time:.5g}"
+
+
+def _all_violations(solution: Solution) -> Table:
+    table = Table("condition", "worst at t", "violated by", box=None, header_style="dim")
+    found = solution.evidence.violations
+    for violation in found[:_MOST_VIOLATIONS]:
+        amount = f"{violation.amount:.2e}" if violation.amount > 0 else "holds"
+        table.add_row(violation.constraint, f"{violation.time:.6g}", amount)
+    if len(found) > _MOST_VIOLATIONS:
+        table.add_row(f"and {len(found) - _MOST_VIOLATIONS} less violated", "", "")
+    return table
+
+
+def _options(solution: Solution) -> Table:
+    table = Table.grid(padding=(0, 2))
+    for name, value in solution.options.items():
+        table.add_row(Text(f"  {name.replace('_', '-')}", style="dim"), str(value))
+    statistics = solution.statistics
+    size = f"{statistics.unknowns} unknowns, {statistics.constraints} constraints"
+    table.add_row(Text("  program", style="dim"), size)
+    table.add_row(Text("  solver", style="dim"), f"{statistics.solver}: {statistics.solver_said}")
+    return table
+
+
+def _seconds(seconds: float) -> str:
+    return f"{seconds:.2g} s" if seconds < 10 else f"{seconds:.0f} s"

@@ -1,0 +1,12 @@
+"""`quito schema`: the JSON Schema of problem files."""
+
+from __future__ import annotations
+
+import typer
+
+
+def schema() -> None:
+    """Print the JSON Schema of problem files, for editors and other tools."""
+    from quito_cli.problem.json_schema import schema_text
+
+    typer.echo(schema_text(), nl=False)

@@ -1,0 +1,166 @@
+"""`quito solve`: a problem file in, a result file, a picture and a summary out."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+from quito_cli.errors import UsageError
+from quito_cli.solve import Options
+from quito_cli.solve import solve as run
+
+GeneratingFunction = Annotated[
+    str | None,
+    typer.Option(
+        "--generating-function",
+        help="gaussian, laguerre4, laguerre6, hermite10, trigonometric or sech; or the paper's "
+        f"number, 1 to 6. [default: {Options.generating_function}]",
+        show_default=False,
+    ),
+]
+INTERRUPTED = 130
+
+
+def solve(
+    problem: Annotated[str, typer.Argument(help="A problem file, or the name of a bundled one.")],
+    steps: Annotated[
+        int | None,
+        typer.Option("-N", "--steps", help=f"Control cells. [default: {Options.steps}]"),
+    ] = None,
+    variance: Annotated[
+        float | None,
+        typer.Option(
+            help=f"Shape parameter D of the generating function. [default: {Options.variance:g}]"
+        ),
+    ] = None,
+    generating_function: GeneratingFunction = None,
+    normalised: Annotated[
+        bool | None,
+        typer.Option(
+            "--normalised/--as-printed",
+            help="Divide by the sum of weights, or take the paper's sum as printed. "
+            "[default: normalised]",
+            show_default=False,
+        ),
+    ] = None,
+    control: Annotated[
+        str | None,
+        typer.Option(
+            help="quasi-interpolant, piecewise-constant or piecewise-linear. "
+            f"[default: {Options.control}]"
+        ),
+    ] = None,
+    discretization: Annotated[
+        str | None, typer.Option(help=f"euler or rk4. [default: {Options.discretization}]")
+    ] = None,
+    substeps: Annotated[
+        int | None,
+        typer.Option(help=f"Integration steps in each cell. [default: {Options.substeps}]"),
+    ] = None,
+    tolerance: Annotated[
+        float | None, typer.Option(help=f"Of the solver. [default: {Options.tolerance:g}]")
+    ] = None,
+    max_iterations: Annotated[
+        int | None, typer.Option(help=f"Of the solver. [default: {Options.max_iterations}]")
+    ] = None,
+    objective_scale: Annotated[
+        float | None,
+        typer.Option(help="Factor of the cost in the solver. [default: by the cost's size]"),
+    ] = None,
+    solver_option: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY=VALUE", help="An option of IPOPT by its name; may be repeated."),
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUE",
+            help="Set a constant, or a value by its path (states.x1.upper=2); may be repeated.",
+        ),
+    ] = None,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Folder for the result and the picture.")
+    ] = Path("results"),
+    picture: Annotated[
+        Literal["png", "pdf", "svg"], typer.Option("--format", help="Format of the picture.")
+    ] = "png",
+    no_plot: Annotated[bool, typer.Option("--no-plot", help="Draw no picture.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object, and nothing else.")
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Print every iteration and all evidence.")
+    ] = False,
+) -> None:
+    """Solve a problem; save the trajectory as HDF5 and a picture of it."""
+    from quito_cli.cli.progress import ProgressLine
+    from quito_cli.cli.report import as_dictionary, print_solution
+    from quito_cli.problem.load import load, parse_settings
+
+    constants = parse_settings(settings or [], "--set")
+    solver_options = _solver_options(parse_settings(solver_option or [], "--solver-option"))
+    loaded = load(problem, constants)
+    _usable(output)
+    with ProgressLine(quiet=quiet, every_line=verbose and not as_json) as progress:
+        solution = run(
+            loaded,
+            listener=progress.listener,
+            steps=steps,
+            variance=variance,
+            generating_function=generating_function,
+            normalised=normalised,
+            control=control,
+            discretization=discretization,
+            substeps=substeps,
+            tolerance=tolerance,
+            max_iterations=max_iterations,
+            objective_scale=objective_scale,
+            solver_options=solver_options or None,
+        )
+    result = output / f"{loaded.name}.h5"
+    solution.save(result)
+    plotted = None
+    if not no_plot:
+        from quito_cli.plots.figure import draw
+
+        plotted = output / f"{loaded.name}.{picture}"
+        draw(solution, ("states", "controls"), plotted)
+    if as_json:
+        typer.echo(json.dumps(as_dictionary(solution, result, plotted), ensure_ascii=False))
+    elif not quiet:
+        print_solution(solution, verbose=verbose, files=(result, plotted))
+    if not solution.success:
+        interrupted = solution.status.name == "INTERRUPTED"
+        raise typer.Exit(INTERRUPTED if interrupted else 1)
+
+
+def _solver_options(given: dict[str, str]) -> dict[str, Any]:
+    """Return texts of the command line as the numbers they look like."""
+
+    def read(text: str) -> int | float | str:
+        for kind in (int, float):
+            try:
+                return kind(text)
+            except ValueError:
+                pass
+        return text
+
+    return {name: read(text) for name, text in given.items()}
+
+
+def _usable(output: Path) -> None:
+    """Make the output folder now: a long solve must not end with nowhere to write."""
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        probe = output / f".{output.name}.probe"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise UsageError(
+            f"the output folder {output} cannot be written: {error.strerror}"
+        ) from None

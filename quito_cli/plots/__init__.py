@@ -1,0 +1,1 @@
+"""Solution -> matplotlib Figure."""

@@ -1,0 +1,181 @@
+"""Solution -> matplotlib Figure, by matplotlib's object interface: no display, no global state.
+
+A panel is a row of the table `PANELS`: a list of curves drawn from a Solution. A picture stacks the
+panels asked for, one small plot a curve.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quito_cli.solution.solution import Quantity, Solution
+from quito_cli.solution.store import write_aside
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+# Okabe and Ito's colours: told apart by colour-blind readers too.
+_OURS, _KNOWN, _BOUND = "#0072B2", "#D55E00", "#666666"
+_COLUMNS = 3
+_NEAR = 0.6
+"""A bound further than this fraction of a curve's span from it is not drawn."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One small plot."""
+
+    label: str
+    times: Array
+    values: Array
+    known: Array | None
+    """The reference at the same times; NaN where unknown."""
+    lower: float
+    upper: float
+    steps: bool = False
+    logarithmic: bool = False
+
+
+def _curves(
+    solution: Solution, quantities: tuple[Quantity, ...], values: Array, known: Array | None
+) -> list[Curve]:
+    times = solution.dense_times
+    curves = []
+    for i, quantity in enumerate(quantities):
+        unit = f" [{quantity.unit}]" if quantity.unit else ""
+        reference = None if known is None or np.isnan(known[:, i]).all() else known[:, i]
+        curves.append(
+            Curve(
+                quantity.name + unit, times, values[:, i], reference, quantity.lower, quantity.upper
+            )
+        )
+    return curves
+
+
+def _states(solution: Solution) -> list[Curve]:
+    known = solution.reference.states if solution.reference else None
+    values = solution.state(solution.dense_times)
+    return _curves(solution, solution.origin.states, values, known)
+
+
+def _controls(solution: Solution) -> list[Curve]:
+    known = solution.reference.controls if solution.reference else None
+    values = solution.control(solution.dense_times)
+    return _curves(solution, solution.origin.controls, values, known)
+
+
+def _costates(solution: Solution) -> list[Curve]:
+    values = solution.costate(solution.dense_times)
+    return [
+        Curve(f"λ of {q.name}", solution.dense_times, values[:, i], None, -np.inf, np.inf)
+        for i, q in enumerate(solution.origin.states)
+    ]
+
+
+def _mesh(solution: Solution) -> list[Curve]:
+    steps = np.diff(solution.times)
+    lengths = np.append(steps, steps[-1])
+    return [
+        Curve("length of the cells", solution.times, lengths, None, -np.inf, np.inf, True, True)
+    ]
+
+
+PANELS: dict[str, Callable[[Solution], list[Curve]]] = {
+    "states": _states,
+    "controls": _controls,
+    "costates": _costates,
+    "mesh": _mesh,
+}
+
+
+def figure(solution: Solution, panels: Iterable[str]) -> Figure:
+    """Return the figure of `panels`, names of `PANELS` in the order wanted."""
+    from matplotlib.figure import Figure
+
+    groups = [PANELS[name](solution) for name in panels]
+    rows = [group[i : i + _COLUMNS] for group in groups for i in range(0, len(group), _COLUMNS)]
+    columns = max(len(row) for row in rows)
+    drawn = Figure(
+        figsize=(1.2 + 3.6 * max(columns, 2), 1.1 + 2.2 * len(rows)), layout="constrained"
+    )
+    units = math.lcm(*(len(row) for row in rows))
+    grid = drawn.add_gridspec(len(rows), units)
+    for i, row in enumerate(rows):
+        width = units // len(row)
+        for j, curve in enumerate(row):
+            axes = drawn.add_subplot(grid[i, j * width : (j + 1) * width])
+            _draw(axes, curve)
+            if i == len(rows) - 1:
+                axes.set_xlabel("t")
+    drawn.suptitle(_heading(solution))
+    _legend(drawn)
+    return drawn
+
+
+def _heading(solution: Solution) -> str:
+    failed = "" if solution.success else "NOT SOLVED: "
+    title = solution.origin.title or solution.origin.name
+    return f"{failed}{title}\ncost {solution.cost:.8g}, {len(solution.times) - 1} cells"
+
+
+def _draw(axes: Axes, curve: Curve) -> None:
+    style = "steps-post" if curve.steps else "default"
+    axes.plot(curve.times, curve.values, color=_OURS, linewidth=1.6, label="quito", drawstyle=style)
+    if curve.known is not None:
+        axes.plot(
+            curve.times, curve.known, color=_KNOWN, linewidth=1.2, linestyle="--", label="reference"
+        )
+    finite = curve.values[np.isfinite(curve.values)]
+    low, high = (finite.min(), finite.max()) if finite.size else (0.0, 1.0)
+    reach = _NEAR * max(high - low, 1e-12)
+    for bound in (curve.lower, curve.upper):
+        if low - reach <= bound <= high + reach:
+            axes.axhline(bound, color=_BOUND, linewidth=0.9, linestyle=":", label="bound")
+    if high - low <= 1e-9 * max(abs(high), 1.0):  # rounding is no shape
+        axes.set_ylim(low - 0.5 * max(abs(low), 1.0), high + 0.5 * max(abs(high), 1.0))
+    if curve.logarithmic:
+        axes.set_yscale("log")
+    axes.set_ylabel(curve.label)
+    axes.grid(alpha=0.25)
+    axes.margins(x=0.01)
+
+
+def _legend(drawn: Figure) -> None:
+    """One legend for all plots, each entry once, and only where there is more than one."""
+    entries = {}
+    for axes in drawn.axes:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            entries.setdefault(label, handle)
+    if len(entries) > 1:
+        drawn.legend(
+            list(entries.values()),
+            list(entries),
+            loc="outside lower center",
+            ncols=len(entries),
+            frameon=False,
+        )
+
+
+def draw(solution: Solution, panels: Iterable[str], path: Path) -> None:
+    """Write the figure of `panels`; the ending of `path` is its format.
+
+    Raises:
+        ResultFileError: the file cannot be written.
+    """
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # no word on fonts being looked for
+    drawn = figure(solution, panels)
+    dateless = {"Date": None} if path.suffix == ".svg" else {}
+    if path.suffix == ".pdf":
+        dateless = {"CreationDate": None}
+    write_aside(path, lambda aside: drawn.savefig(aside, dpi=150, metadata=dateless))

@@ -1,0 +1,1 @@
+"""Text -> checked Problem -> symbolic Model."""

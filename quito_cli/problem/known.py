@@ -1,0 +1,125 @@
+"""What is known of an answer: the file's `reference` as functions of time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quito_cli.problem.complaints import suggest
+from quito_cli.problem.model import Known, Piece, Variable
+from quito_cli.problem.schema import Reference
+from quito_cli.problem.values import Path, Reader
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Context:
+    reader: Reader
+    scope: dict[str, ca.SX]
+    t: ca.SX
+
+
+def read_reference(
+    reader: Reader,
+    reference: Reference,
+    constants: dict[str, ca.SX],
+    t: ca.SX,
+    states: tuple[Variable, ...],
+    controls: tuple[Variable, ...],
+) -> Known:
+    """Return the reference with its expressions evaluated; complaints go to `reader`."""
+    scope = dict(constants)
+    for name, value in reference.constants.items():
+        path = ("reference", "constants", name)
+        if name in constants:
+            reader.complain(path, f"'{name}' is already a constant of the problem", key=True)
+        number = reader.constant(path, value, scope)
+        if number is None:
+            reader.poison(name)
+        else:
+            scope[name] = number
+    context = _Context(reader, scope, t)
+    cost = None
+    if reference.cost is not None:
+        cost = reader.number(("reference", "cost"), reference.cost, scope)
+    return Known(
+        cost,
+        reference.accuracy,
+        _switching_times(context, reference),
+        _functions(context, "state", reference.state, states),
+        _functions(context, "control", reference.control, controls),
+    )
+
+
+def _switching_times(context: _Context, reference: Reference) -> tuple[float, ...]:
+    times: list[float] = []
+    for i, value in enumerate(reference.switching_times):
+        path = ("reference", "switching_times", i)
+        time = context.reader.number(path, value, context.scope)
+        if time is not None:
+            if times and time <= times[-1]:
+                context.reader.complain(path, f"switching times increase: {time:g} does not")
+            times.append(time)
+    return tuple(times)
+
+
+def _functions(
+    context: _Context, kind: str, values: dict[str, Any], variables: tuple[Variable, ...]
+) -> dict[str, tuple[Piece, ...]]:
+    by_name = {variable.name: variable for variable in variables}
+    functions = {}
+    for name, value in values.items():
+        path: Path = ("reference", kind, name)
+        if name not in by_name:
+            hint = suggest(name, by_name)
+            context.reader.complain(path, f"there is no {kind} '{name}'{hint}", key=True)
+            continue
+        if isinstance(value, list):
+            functions[name] = _pieces(context, path, value, by_name[name].size)
+        else:
+            function = _function(context, path, value, by_name[name].size)
+            functions[name] = (Piece(np.inf, function),) if function else ()
+    return functions
+
+
+def _pieces(context: _Context, path: Path, pieces: list[Any], size: int) -> tuple[Piece, ...]:
+    read: list[Piece] = []
+    for i, piece in enumerate(pieces):
+        last = i == len(pieces) - 1
+        until: float | None = np.inf
+        if last and piece.until is not None:
+            context.reader.complain((*path, i, "until"), "the last piece has no end: drop `until`")
+        elif not last and piece.until is None:
+            context.reader.complain(
+                (*path, i), "`until` is missing: only the last piece has no end"
+            )
+        elif not last:
+            until = context.reader.number((*path, i, "until"), piece.until, context.scope)
+            if until is not None and read and until <= read[-1].until:
+                message = f"pieces follow one another: {until:g} is not after {read[-1].until:g}"
+                context.reader.complain((*path, i, "until"), message)
+        function = _function(context, (*path, i, "value"), piece.value, size)
+        if function is not None and until is not None:
+            read.append(Piece(until, function))
+    return tuple(read)
+
+
+def _function(context: _Context, path: Path, value: float | str, size: int) -> ca.Function | None:
+    """Return t ↦ value, a column of `size`."""
+    import casadi as ca
+
+    expression = context.reader.formula(path, value, {**context.scope, "t": context.t})
+    if expression is None:
+        return None
+    if expression.numel() != size:
+        message = f"expected {size} entries, the expression has {expression.numel()}"
+        context.reader.complain(path, message)
+        return None
+    return ca.Function("reference", [context.t], [ca.vec(expression)])

@@ -1,0 +1,155 @@
+"""Where a problem comes from: a path, the name of a bundled one, or text; and `--set`."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from quito_cli.errors import UsageError
+from quito_cli.problem.complaints import suggest
+from quito_cli.problem.library import bundled
+from quito_cli.problem.schema import Problem
+from quito_cli.problem.source import read
+from quito_cli.problem.validate import validate
+
+SETTABLE = ("time", "states", "controls", "constants")
+"""Sections whose values `--set section.key...=value` may change."""
+MAX_BYTES = 4_000_000
+
+
+def load(where: str | Path, changes: Mapping[str, str | float] | None = None) -> Problem:
+    """Read a problem.
+
+    Args:
+        where: a path, or the name of a bundled problem.
+        changes: constants to set by name, or other values by dotted path
+            (`states.x2.upper`); values are numbers or expressions.
+
+    Raises:
+        UsageError: there is no such file, or nothing of that name to set.
+        ProblemError: the file has mistakes; all of them are told.
+    """
+    path = find(where)
+    return load_text(_text_of(path), str(where) if path == Path(where) else str(path), changes)
+
+
+def load_text(text: str, name: str, changes: Mapping[str, str | float] | None = None) -> Problem:
+    """Read a problem from YAML text; `name` stands in messages and names results.
+
+    Raises:
+        UsageError: there is nothing of that name to set.
+        ProblemError: the text has mistakes; all of them are told.
+    """
+    source = read(text, name)
+    return changed(validate(source, Path(name).stem), changes or {})
+
+
+def changed(problem: Problem, changes: Mapping[str, str | float]) -> Problem:
+    """Return the problem with constants, or values at dotted paths, set anew.
+
+    Raises:
+        UsageError: there is nothing of that name to set.
+        ProblemError: the file makes no sense with that value.
+    """
+    if not changes:
+        return problem
+    file = problem.file
+    data = copy.deepcopy(file.data if file else problem.model_dump(exclude_unset=True))
+    for key, value in changes.items():
+        _set(data, key, value)
+    source = replace(file, data=data) if file else read(problem.text, problem.name)
+    if not file:
+        source = replace(source, data=data)
+    made = validate(source, problem.name)
+    made._changes = problem.changes + tuple((key, str(value)) for key, value in changes.items())
+    return made
+
+
+def find(where: str | Path) -> Path:
+    """Return the path of a problem given by path or bundled name.
+
+    Raises:
+        UsageError: there is none.
+    """
+    path = Path(where)
+    if path.is_file():
+        return path
+    if path.is_dir():
+        raise UsageError(f"{where} is a folder; name a problem file in it")
+    library = bundled()
+    if str(where) in library:
+        return library[str(where)]
+    hint = suggest(path.stem, library)
+    raise UsageError(
+        f"there is no file {where}, and no bundled problem of that name{hint}; "
+        "`quito list` shows the bundled ones"
+    )
+
+
+def _text_of(path: Path) -> str:
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise UsageError(
+                f"{path} is too large for a problem file ({MAX_BYTES:,} bytes at most)"
+            )
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise UsageError(f"{path} is not text in UTF-8; is it a problem file?") from None
+    except OSError as error:
+        raise UsageError(f"{path} cannot be read: {error.strerror}") from None
+
+
+def _set(data: Any, key: str, value: str | float) -> None:
+    """Change one value of the file's data in place."""
+    steps = key.split(".") if "." in key else ["constants", key]
+    constants = data.get("constants") or {}
+    if len(steps) == 2 and steps[0] == "constants" and steps[1] not in constants:
+        hint = suggest(steps[1], constants)
+        known = f"it has {', '.join(constants)}" if constants else "it has none"
+        raise UsageError(
+            f"--set {key}: the problem has no constant '{steps[1]}'{hint} ({known}); other values "
+            "are set by their path, such as --set states.x1.upper=2"
+        )
+    if steps[0] not in SETTABLE:
+        raise UsageError(f"--set {key}: only {', '.join(SETTABLE)} can be set")
+    holder = _holder(data, key, steps)
+    holder[steps[-1]] = _number_or_text(value)
+
+
+def _holder(data: Any, key: str, steps: list[str]) -> Any:
+    """Return the mapping that holds the last step."""
+    for i, step in enumerate(steps[:-1]):
+        if not isinstance(data, dict) or step not in data:
+            hint = suggest(step, data) if isinstance(data, dict) else ""
+            raise UsageError(f"--set {key}: there is no '{'.'.join(steps[: i + 1])}'{hint}")
+        if data[step] is None:
+            data[step] = {}
+        data = data[step]
+    if not isinstance(data, dict):
+        raise UsageError(f"--set {key}: '{'.'.join(steps[:-1])}' is a single value; set it whole")
+    return data
+
+
+def _number_or_text(value: str | float) -> str | float:
+    try:
+        return float(value)
+    except ValueError:
+        return value
+
+
+def parse_settings(settings: Iterable[str], option: str) -> dict[str, str]:
+    """Return NAME=VALUE texts of a command line as a mapping.
+
+    Raises:
+        UsageError: one of them is not of that form.
+    """
+    parsed: dict[str, str] = {}
+    for setting in settings:
+        name, equals, value = setting.partition("=")
+        if not (name.strip() and equals and value.strip()):
+            raise UsageError(f"{option} {setting!r}: write NAME=VALUE")
+        parsed[name.strip()] = value.strip()
+    return parsed

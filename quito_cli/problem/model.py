@@ -1,0 +1,203 @@
+"""The Model: a problem as CasADi expressions and arrays of bounds, with no text left in it.
+
+Vectors are stacked in the order of the problem file: x (n_x), u (n_u), p (n_p). Every cost is that
+of a minimisation; `sense` is −1 where the file maximises, and only reports look at it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A state, control or parameter of the file; a vector has `size` above 1."""
+
+    name: str
+    size: int
+    first: int
+    """Where it starts in the stacked vector."""
+    unit: str = ""
+    vector: bool = False
+    """Declared with a size: entries are written name[0], name[1], …"""
+
+    @property
+    def entries(self) -> slice:
+        """Its place in the stacked vector."""
+        return slice(self.first, self.first + self.size)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """A name for each entry."""
+        return tuple(f"{self.name}[{i}]" for i in range(self.size)) if self.vector else (self.name,)
+
+
+def labels(variables: tuple[Variable, ...]) -> tuple[str, ...]:
+    """Return the names of all entries of the stacked vector."""
+    return tuple(label for variable in variables for label in variable.labels)
+
+
+def units(variables: tuple[Variable, ...]) -> tuple[str, ...]:
+    """Return the units of all entries of the stacked vector."""
+    return tuple(variable.unit for variable in variables for _ in range(variable.size))
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """lower ≤ value ≤ upper, entry by entry; ±inf where there is none."""
+
+    lower: Array
+    upper: Array
+
+    def __iter__(self) -> Iterator[Array]:
+        return iter((self.lower, self.upper))
+
+    @property
+    def fixed(self) -> NDArray[np.bool_]:
+        """Entries that leave no choice."""
+        return np.asarray(self.lower == self.upper)
+
+    def within(self, other: Bounds) -> Bounds:
+        """Return the intersection."""
+        return Bounds(np.maximum(self.lower, other.lower), np.minimum(self.upper, other.upper))
+
+
+@dataclass(frozen=True)
+class Instant:
+    """The initial or the final time."""
+
+    lower: float
+    upper: float
+    guess: float
+
+    @property
+    def fixed(self) -> bool:
+        """Whether it is a number rather than an unknown."""
+        return self.lower == self.upper
+
+
+@dataclass(frozen=True)
+class Endpoints:
+    """Symbols of what the Mayer cost may speak of."""
+
+    x0: ca.SX
+    t0: ca.SX
+    xf: ca.SX
+    tf: ca.SX
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A piece of a known function of time."""
+
+    until: float
+    """Where it ends; the next piece holds from there on."""
+    value: ca.Function
+    """t ↦ a column of the variable's size."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known of the answer."""
+
+    cost: float | None
+    """In the file's sense."""
+    accuracy: float | None
+    switching_times: tuple[float, ...]
+    states: dict[str, tuple[Piece, ...]]
+    controls: dict[str, tuple[Piece, ...]]
+
+    @staticmethod
+    def sample(
+        functions: dict[str, tuple[Piece, ...]], variables: tuple[Variable, ...], times: Array
+    ) -> Array:
+        """Return the known functions at `times`, (len(times), entries); NaN where unknown."""
+        values = np.full((len(times), sum(v.size for v in variables)), np.nan)
+        for variable in variables:
+            start = -np.inf
+            for piece in functions.get(variable.name, ()):
+                here = (times >= start) & (times < piece.until)
+                if here.any():
+                    found = np.array(piece.value.map(int(here.sum()))(times[here]))
+                    values[here, variable.entries] = found.T
+                start = piece.until
+        return values
+
+
+@dataclass(frozen=True)
+class Model:
+    """What transcription and the checks of an answer need to know of a problem."""
+
+    name: str
+    states: tuple[Variable, ...]
+    controls: tuple[Variable, ...]
+    parameters: tuple[Variable, ...]
+    x: ca.SX
+    u: ca.SX
+    p: ca.SX
+    t: ca.SX
+    xdot: ca.SX
+    """Dynamics, (n_x, 1)."""
+    lagrange: ca.SX
+    """Running cost, scalar."""
+    ends: Endpoints
+    mayer: ca.SX
+    """End cost in terms of `ends` and `p`, scalar."""
+    state_bounds: Bounds
+    control_bounds: Bounds
+    parameter_bounds: Bounds
+    initial: Bounds
+    """Of the state at the initial time, within `state_bounds`."""
+    final: Bounds
+    """Of the state at the final time, within `state_bounds`."""
+    initial_time: Instant
+    final_time: Instant
+    sense: int
+    """+1 where the file minimises, −1 where it maximises."""
+    known: Known | None
+    """The file's reference, where it applies."""
+
+    @property
+    def n_x(self) -> int:
+        """Number of states."""
+        return len(self.state_bounds.lower)
+
+    @property
+    def n_u(self) -> int:
+        """Number of controls."""
+        return len(self.control_bounds.lower)
+
+    @property
+    def n_p(self) -> int:
+        """Number of parameters."""
+        return len(self.parameter_bounds.lower)
+
+    @cached_property
+    def right_hand_side(self) -> ca.Function:
+        """(x, u, p, t) ↦ (ẋ, L)."""
+        import casadi as ca
+
+        return ca.Function(
+            "right_hand_side",
+            [self.x, self.u, self.p, self.t],
+            [self.xdot, self.lagrange],
+        )
+
+    @cached_property
+    def end_cost(self) -> ca.Function:
+        """(x₀, t₀, x_f, t_f, p) ↦ Mayer cost."""
+        import casadi as ca
+
+        ends = self.ends
+        return ca.Function("end_cost", [ends.x0, ends.t0, ends.xf, ends.tf, self.p], [self.mayer])

@@ -1,0 +1,147 @@
+"""What may be asked of a solve, and what a problem file may ask for.
+
+Defaults are not here: they live in `quito_cli.solve.Options`, and only there. A field that is None
+was not asked for.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator
+
+GeneratingFunctionName = Literal[
+    "gaussian", "laguerre4", "laguerre6", "hermite10", "trigonometric", "sech"
+]
+ControlName = Literal["quasi-interpolant", "piecewise-constant", "piecewise-linear"]
+DiscretizationName = Literal["euler", "rk4"]
+
+_BY_NUMBER = dict(enumerate(GeneratingFunctionName.__args__, start=1))  # type: ignore[attr-defined]
+
+
+def _name_of_number(value: Any) -> Any:
+    """The paper numbers its generating functions; 1 and "1" are `gaussian`."""
+    if isinstance(value, bool):
+        return value
+    return _BY_NUMBER.get(int(value), value) if str(value).isdigit() else value
+
+
+class RequestedOptions(BaseModel):
+    """What a call or a command line may ask for, each with its meaning."""
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False
+    )
+
+    steps: Annotated[int | None, Field(ge=1, strict=True)] = None
+    """Number N of control cells."""
+    variance: Annotated[float | None, Field(gt=0)] = None
+    """Shape parameter D of the generating function: larger is smoother."""
+    generating_function: Annotated[
+        GeneratingFunctionName | None,
+        BeforeValidator(_name_of_number, json_schema_input_type=GeneratingFunctionName | int),
+    ] = None
+    """Generating function of the quasi-interpolant, by name or by the paper's number, 1 to 6."""
+    normalised: bool | None = None
+    """Divide by the sum of weights (default); `false` gives the paper's sum as printed."""
+    control: ControlName | None = None
+    """How the control is represented."""
+    discretization: DiscretizationName | None = None
+    """Integration scheme of states and cost."""
+    substeps: Annotated[int | None, Field(ge=1, strict=True)] = None
+    """Steps of the scheme in each control cell."""
+    tolerance: Annotated[float | None, Field(gt=0, lt=1)] = None
+    """Tolerance of the solver on the scaled first-order conditions."""
+    max_iterations: Annotated[int | None, Field(ge=0, strict=True)] = None
+    """Iterations after which the solver gives up."""
+    objective_scale: Annotated[float | None, Field(gt=0)] = None
+    """Factor of the cost in the nonlinear program; by default chosen from the cost's size."""
+    solver_options: dict[str, float | int | bool | str] | None = None
+    """Options of the solver, by its own names."""
+
+
+_SWITCH = ("yes", "no")
+_ALLOWED: dict[str, tuple[str, ...] | None] = {
+    # numbers
+    "acceptable_tol": None,
+    "acceptable_iter": None,
+    "acceptable_dual_inf_tol": None,
+    "acceptable_constr_viol_tol": None,
+    "acceptable_compl_inf_tol": None,
+    "barrier_tol_factor": None,
+    "bound_frac": None,
+    "bound_push": None,
+    "bound_relax_factor": None,
+    "compl_inf_tol": None,
+    "constr_viol_tol": None,
+    "dual_inf_tol": None,
+    "kappa_d": None,
+    "kappa_sigma": None,
+    "max_cpu_time": None,
+    "max_refinement_steps": None,
+    "max_soc": None,
+    "max_wall_time": None,
+    "mu_init": None,
+    "mu_linear_decrease_factor": None,
+    "mu_max": None,
+    "mu_max_fact": None,
+    "mu_min": None,
+    "mu_superlinear_decrease_power": None,
+    "mu_target": None,
+    "nlp_scaling_max_gradient": None,
+    "obj_scaling_factor": None,
+    "slack_bound_frac": None,
+    "slack_bound_push": None,
+    "tau_min": None,
+    "watchdog_shortened_iter_trigger": None,
+    # switches and choices
+    "accept_every_trial_step": _SWITCH,
+    "expect_infeasible_problem": _SWITCH,
+    "fast_step_computation": _SWITCH,
+    "honor_original_bounds": _SWITCH,
+    "mehrotra_algorithm": _SWITCH,
+    "mu_oracle": ("probing", "loqo", "quality-function"),
+    "mu_strategy": ("monotone", "adaptive"),
+    "nlp_scaling_method": ("none", "gradient-based", "equilibration-based"),
+    "start_with_resto": _SWITCH,
+}
+"""What a problem file may set of IPOPT: numbers and switches. Nothing here names a path, a library
+or a plug-in: problem files are untrusted, the command line may pass anything."""
+
+
+def refuse_solver_option(name: str, value: object) -> str | None:
+    """Return why a problem file may not set this solver option, or None if it may."""
+    if name not in _ALLOWED:
+        return (
+            f"a problem file may not set the solver option '{name}' (only numbers and switches from "
+            f"a list of safe ones); if you trust it, pass it yourself: --solver-option {name}=..."
+        )
+    choices = _ALLOWED[name]
+    if choices is not None:
+        return None if value in choices else f"'{name}' takes {' or '.join(choices)}"
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return None if number and math.isfinite(value) else f"'{name}' takes a number"
+
+
+class FileOptions(RequestedOptions):
+    """What a problem file may ask for; the command line wins."""
+
+    steps: Annotated[int | None, Field(ge=1, le=20_000, strict=True)] = None
+    """Number N of control cells."""
+    variance: Annotated[float | None, Field(gt=0, le=100)] = None
+    """Shape parameter D of the generating function: larger is smoother."""
+    substeps: Annotated[int | None, Field(ge=1, le=20, strict=True)] = None
+    """Steps of the scheme in each control cell."""
+    max_iterations: Annotated[int | None, Field(ge=0, le=10_000, strict=True)] = None
+    """Iterations after which the solver gives up."""
+    solver_options: dict[str, float | int | bool | str] | None = None
+    """Numbers and switches of IPOPT, by its own names, from a list of safe ones."""
+
+    @field_validator("solver_options")
+    @classmethod
+    def _only_safe_ones(cls, options: dict[str, object] | None) -> dict[str, object] | None:
+        reasons = (refuse_solver_option(name, value) for name, value in (options or {}).items())
+        if complaint := next((reason for reason in reasons if reason), None):
+            raise ValueError(complaint)
+        return options

@@ -1,0 +1,263 @@
+"""The problem file as frozen pydantic models: what keys there are and what each means.
+
+The attribute docstrings are the documentation: they become the JSON Schema's descriptions and the
+hover text in editors. Formulas stay text here; `build` turns them into a Model.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, PrivateAttr, Tag
+
+from quito_cli.problem.options import FileOptions
+from quito_cli.problem.source import Source
+
+MAX_SIZE = 200
+"""Entries a vector may have."""
+MAX_VARIABLES = 500
+"""Names a section may have."""
+
+
+def _kind(value: Any) -> str | None:
+    """Tell the alternatives of a value apart, so that an error speaks of one of them only."""
+    if isinstance(value, bool):
+        return None
+    if isinstance(value, int | float):
+        return "=number"
+    if isinstance(value, str):
+        return "=expression"
+    if isinstance(value, list):
+        return "=list"
+    if isinstance(value, dict | BaseModel):
+        return "=mapping"
+    return "=nothing" if value is None else None
+
+
+Number = Annotated[float, Tag("=number")]
+Formula = Annotated[str, Tag("=expression")]
+Nothing = Annotated[None, Tag("=nothing")]
+
+Expression = Annotated[Number | Formula, Discriminator(_kind)]
+"""A number or a formula."""
+
+
+class Strict(BaseModel):
+    """A mapping of the file: frozen, no unknown keys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+
+class Range(Strict):
+    """A value that may lie anywhere between two bounds."""
+
+    lower: Expression | None = None
+    """Smallest value; none if left out."""
+    upper: Expression | None = None
+    """Largest value; none if left out."""
+
+
+_Range = Annotated[Range, Tag("=mapping")]
+EndEntry = Annotated[Number | Formula | _Range | Nothing, Discriminator(_kind)]
+EndValue = Annotated[
+    Number
+    | Formula
+    | _Range
+    | Nothing
+    | Annotated[list[EndEntry], Field(max_length=MAX_SIZE), Tag("=list")],
+    Discriminator(_kind),
+]
+"""A number, an expression of constants, a range, or a list with one of these for each entry."""
+BoundEntry = Annotated[Number | Formula | Nothing, Discriminator(_kind)]
+BoundValue = Annotated[
+    Number
+    | Formula
+    | Nothing
+    | Annotated[list[BoundEntry], Field(max_length=MAX_SIZE), Tag("=list")],
+    Discriminator(_kind),
+]
+"""A number, an expression of constants, or a list with one of these for each entry."""
+_Row = Annotated[list[Expression], Field(max_length=MAX_SIZE), Tag("=list")]
+ConstantValue = Annotated[
+    Number
+    | Formula
+    | Annotated[
+        list[Annotated[Number | Formula | _Row, Discriminator(_kind)]],
+        Field(min_length=1, max_length=MAX_SIZE),
+        Tag("=list"),
+    ],
+    Discriminator(_kind),
+]
+"""A number, a vector, a matrix (list of rows), or an expression of earlier constants."""
+DynamicsValue = Annotated[
+    Number
+    | Formula
+    | Annotated[list[Expression], Field(min_length=1, max_length=MAX_SIZE), Tag("=list")],
+    Discriminator(_kind),
+]
+
+
+class Time(Strict):
+    """The horizon."""
+
+    initial: Expression
+    """Initial time: a number or an expression of constants."""
+    final: Expression
+    """Final time: a number or an expression of constants such as pi/2."""
+
+
+class State(Strict):
+    """A state; a vector if it has a size."""
+
+    size: Annotated[int, Field(ge=1, le=MAX_SIZE, strict=True)] | None = None
+    """Number of entries of a vector; leave out for a scalar."""
+    initial: EndValue = None
+    """Value at the initial time; free if left out."""
+    final: EndValue = None
+    """Value at the final time; free if left out."""
+    lower: BoundValue = None
+    """Smallest value on the whole horizon."""
+    upper: BoundValue = None
+    """Largest value on the whole horizon."""
+    unit: str = ""
+    """Unit, for labels."""
+    description: str = ""
+    """What it is, in words."""
+
+
+class Control(Strict):
+    """A control; a vector if it has a size."""
+
+    size: Annotated[int, Field(ge=1, le=MAX_SIZE, strict=True)] | None = None
+    """Number of entries of a vector; leave out for a scalar."""
+    lower: BoundValue = None
+    """Smallest value on the whole horizon."""
+    upper: BoundValue = None
+    """Largest value on the whole horizon."""
+    unit: str = ""
+    """Unit, for labels."""
+    description: str = ""
+    """What it is, in words."""
+
+
+class Cost(Strict):
+    """What is minimised: the integral of `lagrange` plus `mayer`."""
+
+    lagrange: Expression = 0.0
+    """Running cost, integrated over the horizon: states, controls, t."""
+    mayer: Expression = 0.0
+    """End cost: bare names are final values, t the final time; initial(x) and final(x) too."""
+
+
+class Piece(Strict):
+    """A piece of a reference: `value` until `until`."""
+
+    until: Expression | None = None
+    """Where the piece ends; the last one has none."""
+    value: Expression
+    """Expression of t and constants."""
+
+
+ReferenceValue = Annotated[
+    Number
+    | Formula
+    | Annotated[list[Piece], Field(min_length=1, max_length=MAX_SIZE), Tag("=list")],
+    Discriminator(_kind),
+]
+
+
+class Reference(Strict):
+    """What is known of the answer, for the file as it stands."""
+
+    cost: Expression | None = None
+    """Optimal cost."""
+    accuracy: Annotated[float, Field(gt=0)] | None = None
+    """Absolute accuracy of the cost."""
+    verified: str = ""
+    """How it was obtained and verified."""
+    general: bool = False
+    """The expressions hold for changed constants too."""
+    constants: dict[str, Expression] = {}
+    """Constants of the reference's own, in order."""
+    switching_times: Annotated[list[Expression], Field(max_length=MAX_SIZE)] = []
+    """All junctions between arcs, increasing."""
+    state: dict[str, ReferenceValue] = {}
+    """State by name: an expression of t, or a list of pieces {until, value}."""
+    control: dict[str, ReferenceValue] = {}
+    """Control by name: an expression of t, or a list of pieces {until, value}."""
+
+
+class Published(Strict):
+    """A row of a published table, printed beside ours."""
+
+    tool: str
+    """Who computed it, with what."""
+    steps: Annotated[int, Field(ge=1)] | None = None
+    """Control cells or nodes."""
+    time: float | None = None
+    """Seconds on the authors' machine."""
+    iterations: int | None = None
+    """Iterations of the solver."""
+    violation: float | None = None
+    """Largest constraint violation."""
+    error_norm: float | None = None
+    """2-norm of the vector of samples of the control error."""
+    dft_norm: float | None = None
+    """2-norm of its discrete Fourier transform."""
+
+
+class Problem(Strict):
+    """An optimal control problem, as its file says it."""
+
+    title: str = ""
+    """One line, for headings."""
+    source: str = ""
+    """Where the problem comes from."""
+    description: str = ""
+    """Notes: what makes it hard, what to look at."""
+    constants: Annotated[dict[str, ConstantValue], Field(max_length=MAX_VARIABLES)] = {}
+    """Numbers, vectors, matrices, or expressions of earlier constants, by name."""
+    time: Time
+    """The horizon."""
+    states: Annotated[dict[str, State], Field(min_length=1, max_length=MAX_VARIABLES)]
+    """States by name; their order here is their order everywhere."""
+    controls: Annotated[dict[str, Control], Field(max_length=MAX_VARIABLES)] = {}
+    """Controls by name; their order here is their order everywhere."""
+    dynamics: dict[str, DynamicsValue]
+    """Time derivative of each state: an expression of states, controls, constants and t."""
+    cost: Cost
+    """What is minimised."""
+    reference: Reference | None = None
+    """What is known of the answer."""
+    published: list[Published] = []
+    """Published results to print beside ours."""
+    options: FileOptions = FileOptions()
+    """What the file asks of the solver; the command line wins."""
+
+    _source: Source | None = PrivateAttr(default=None)
+    _name: str = PrivateAttr(default="problem")
+    _changes: tuple[tuple[str, str], ...] = PrivateAttr(default=())
+
+    @property
+    def name(self) -> str:
+        """Short name: the file's name without its ending."""
+        return self._name
+
+    @property
+    def text(self) -> str:
+        """The YAML text it was read from, or an equal one."""
+        if self._source is not None:
+            return self._source.text
+        import yaml
+
+        return yaml.safe_dump(self.model_dump(exclude_unset=True), sort_keys=False)
+
+    @property
+    def changes(self) -> tuple[tuple[str, str], ...]:
+        """What was set since reading: (name, value) in order."""
+        return self._changes
+
+    @property
+    def file(self) -> Source | None:
+        """The file it was read from, with positions; None if it was built in Python."""
+        return self._source

@@ -1,0 +1,242 @@
+"""Reading values of the problem file: numbers, vectors, ranges and formulas, complaints collected.
+
+A `Reader` never raises for a mistake in the file: it notes a complaint and hands back a harmless
+stand-in, so that one pass finds every mistake. What depends on a name that is itself in error is
+skipped silently, so that one mistake is told once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quito_cli.problem.complaints import Complaint
+from quito_cli.problem.expressions import Expression, ExpressionError, evaluate, parse
+from quito_cli.problem.model import Bounds
+from quito_cli.problem.schema import Range
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+Array = NDArray[np.float64]
+Path = tuple[str | int, ...]
+Scope = Mapping[str, "ca.SX"]
+
+_INFINITY = dict.fromkeys(
+    ("inf", "Inf", "infinity"),
+    "infinity is written .inf or -.inf, stands alone, and only in bounds",
+)
+
+
+class Reader:
+    """Evaluates values at paths of the file and collects what is wrong with them."""
+
+    def __init__(self, poisoned: Iterable[str] = ()) -> None:
+        self.complaints: list[Complaint] = []
+        self._poisoned = set(poisoned)
+
+    def complain(self, path: Path, message: str, *, key: bool = False) -> None:
+        """Note a mistake at `path`."""
+        self.complaints.append(Complaint(path, message, key=key))
+
+    def poison(self, name: str) -> None:
+        """Say no more about whatever depends on `name`."""
+        self._poisoned.add(name)
+
+    def formula(
+        self,
+        path: Path,
+        value: float | str,
+        scope: Scope,
+        *,
+        refused: Mapping[str, str] | None = None,
+        initial: Scope | None = None,
+        final: Scope | None = None,
+    ) -> ca.SX | None:
+        """Return the value of a number or formula, or None where it has none."""
+        import casadi as ca
+
+        if not isinstance(value, str):
+            if not np.isfinite(value):
+                self.complain(path, f"{value} is not a finite number")
+                return None
+            return ca.SX(value)
+        try:
+            expression: Expression = parse(value)
+            if self._poisoned.intersection(expression.names):
+                return None
+            return evaluate(
+                expression,
+                scope,
+                refused={**_INFINITY, **(refused or {})},
+                initial=initial,
+                final=final,
+            )
+        except ExpressionError as error:
+            self.complaints.append(Complaint(path, error.message, error.offset, error.length))
+            return None
+
+    def constant(
+        self,
+        path: Path,
+        value: float | str | list[Any],
+        scope: Scope,
+        refused: Mapping[str, str] | None = None,
+    ) -> ca.SX | None:
+        """Return a finite number, vector or matrix as a constant SX."""
+        import casadi as ca
+
+        if isinstance(value, list):
+            return self._table(path, value, scope)
+        result = self.formula(path, value, scope, refused=refused)
+        if result is None:
+            return None
+        if not result.is_constant():
+            self.complain(path, "a constant is expected: numbers and constants only")
+            return None
+        if not np.isfinite(np.array(ca.DM(result))).all():
+            self.complain(path, "the value is not finite")
+            return None
+        return result
+
+    def _table(self, path: Path, entries: list[Any], scope: Scope) -> ca.SX | None:
+        """Return a vector from a list, a matrix from a list of equally long lists."""
+        import casadi as ca
+
+        rows = [
+            self._table((*path, i), entry, scope)
+            if isinstance(entry, list)
+            else self.constant((*path, i), entry, scope)
+            for i, entry in enumerate(entries)
+        ]
+        nested = [isinstance(entry, list) for entry in entries]
+        good = [row for row in rows if row is not None]
+        if len(good) < len(rows):
+            return None
+        if any(nested) and not all(nested):
+            self.complain((*path, nested.index(not nested[0])), "rows and numbers do not mix")
+            return None
+        for i, row in enumerate(good):
+            if row.numel() != good[0].numel():
+                expected = f"{good[0].numel()} entries" if nested[0] else "a number"
+                self.complain((*path, i), f"expected {expected} like the first, got {row.numel()}")
+                return None
+        return ca.vertcat(*(row.T if nested[0] else row for row in good))
+
+    def number(
+        self,
+        path: Path,
+        value: float | str,
+        scope: Scope,
+        *,
+        infinite: bool = False,
+        refused: Mapping[str, str] | None = None,
+    ) -> float | None:
+        """Return a scalar; `infinite` lets ±.inf through."""
+        if infinite and not isinstance(value, str) and np.isinf(value):
+            return float(value)
+        result = self.constant(path, value, scope, refused)
+        if result is None:
+            return None
+        if result.numel() != 1:
+            self.complain(path, f"a single number is expected, not {result.numel()} entries")
+            return None
+        return float(result)
+
+    def vector(
+        self,
+        path: Path,
+        value: Any,
+        size: int,
+        otherwise: float,
+        scope: Scope,
+        refused: Mapping[str, str],
+    ) -> Array:
+        """Return a bound of `size` entries: a number for all, a vector, or a list."""
+        if value is None:
+            return np.full(size, otherwise)
+        if isinstance(value, list):
+            return self._entries(path, value, size, otherwise, scope, refused)
+        if not isinstance(value, str):
+            number = self.number(path, value, scope, infinite=True, refused=refused)
+            return np.full(size, otherwise if number is None else number)
+        result = self.constant(path, value, scope, refused)
+        if result is None:
+            return np.full(size, otherwise)
+        if result.numel() not in (1, size):
+            self.complain(path, f"expected {_entries(size)}, the expression has {result.numel()}")
+            return np.full(size, otherwise)
+        import casadi as ca
+
+        return np.broadcast_to(np.array(ca.DM(result)).ravel(), (size,)).astype(float)
+
+    def _entries(
+        self,
+        path: Path,
+        entries: list[Any],
+        size: int,
+        otherwise: float,
+        scope: Scope,
+        refused: Mapping[str, str],
+    ) -> Array:
+        if len(entries) != size:
+            self.complain(path, f"expected {_entries(size)}, got {len(entries)}")
+            return np.full(size, otherwise)
+        read = [
+            otherwise
+            if entry is None
+            else self.number((*path, i), entry, scope, infinite=True, refused=refused)
+            for i, entry in enumerate(entries)
+        ]
+        return np.array([otherwise if number is None else number for number in read])
+
+    def ends(
+        self, path: Path, value: Any, size: int, scope: Scope, refused: Mapping[str, str]
+    ) -> Bounds:
+        """Return bounds from an end value: fixed, a range, free (None), or a list of these."""
+        if isinstance(value, list):
+            if len(value) != size:
+                self.complain(path, f"expected {_entries(size)}, got {len(value)}")
+                value = None
+            else:
+                parts = [
+                    self.ends((*path, i), entry, 1, scope, refused) for i, entry in enumerate(value)
+                ]
+                return Bounds(
+                    np.concatenate([part.lower for part in parts]),
+                    np.concatenate([part.upper for part in parts]),
+                )
+        if isinstance(value, Range):
+            lower = self.vector((*path, "lower"), value.lower, size, -np.inf, scope, refused)
+            upper = self.vector((*path, "upper"), value.upper, size, np.inf, scope, refused)
+            self.ordered((*path, "upper"), Bounds(lower, upper))
+            return Bounds(lower, upper)
+        if value is None:
+            return Bounds(np.full(size, -np.inf), np.full(size, np.inf))
+        if not isinstance(value, str) and not np.isfinite(value):
+            self.complain(path, f"{value} is not a finite number; leave it out to leave it free")
+            return Bounds(np.full(size, -np.inf), np.full(size, np.inf))
+        before = len(self.complaints)
+        fixed = self.vector(path, value, size, 0.0, scope, refused)
+        if len(self.complaints) > before:  # a stand-in must not clash with the bounds later
+            return Bounds(np.full(size, -np.inf), np.full(size, np.inf))
+        return Bounds(fixed, fixed)
+
+    def ordered(self, path: Path, bounds: Bounds) -> None:
+        """Complain where a lower bound is above its upper one."""
+        (crossed,) = np.nonzero(bounds.lower > bounds.upper)
+        if crossed.size:
+            i = crossed[0]
+            entry = f" of entry {i}" if len(bounds.lower) > 1 else ""
+            self.complain(
+                path,
+                f"the upper bound {bounds.upper[i]:g}{entry} is below the lower bound "
+                f"{bounds.lower[i]:g}",
+            )
+
+
+def _entries(size: int) -> str:
+    return f"{size} entries" if size > 1 else "one entry"

@@ -1,0 +1,1 @@
+"""The Solution, its file, and the checks of an answer."""

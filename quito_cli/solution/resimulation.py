@@ -1,0 +1,153 @@
+"""The answer's own control, integrated again by other means.
+
+The state is carried from its initial value over the whole horizon with û(t) and the method of
+Dormand and Prince of order 5 (*J. Comput. Appl. Math.* 6, 1980), with steps that are a fraction of
+the substeps and are halved until the result stands still. It knows nothing of the nonlinear
+program: where the two differ, the answer's trajectory is not the one that its control produces.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quito_cli.problem.model import Model
+from quito_cli.transcription.control import ControlBasis
+from quito_cli.transcription.mesh import Mesh
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+Array = NDArray[np.float64]
+
+_C = np.array([0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1])
+_A = (
+    (),
+    (1 / 5,),
+    (3 / 40, 9 / 40),
+    (44 / 45, -56 / 15, 32 / 9),
+    (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
+    (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
+)
+_B = (35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84)
+
+STANDS_STILL = 1e-9
+"""Relative change under which halving the steps stops."""
+MOST_STEPS = 32
+"""Steps in a substep at most."""
+MOST_IN_ALL = 400_000
+"""Steps over the horizon at most, as long as that is two a substep."""
+
+
+@dataclass(frozen=True)
+class Control:
+    """û(t) of an answer, cell by cell."""
+
+    basis: ControlBasis
+    mesh: Mesh
+    coefficients: Array
+    """(count, n_u)."""
+
+
+@dataclass(frozen=True)
+class Resimulation:
+    """What the control produces when integrated anew."""
+
+    states: Array
+    """(M+1, n_x) at the ends of the substeps."""
+    cost: float
+    """Lagrange and Mayer, of the minimisation."""
+    accuracy: float
+    """Relative change of states and cost when the steps were last halved."""
+
+
+def resimulate(
+    model: Model,
+    control: Control,
+    substeps: int,
+    times: tuple[float, float],
+    start: Array,
+    parameters: Array,
+) -> Resimulation:
+    """Integrate from `start` (n_x,) over `times`.
+
+    Args:
+        model: the problem.
+        control: û.
+        substeps: substeps a cell; results are given at their ends.
+        times: initial and final time.
+        start: state at the initial time.
+        parameters: p.
+    """
+    one = _step(model)
+    finer = 2
+    before = _integrate(one, control, substeps, finer, times, start, parameters)
+    while True:
+        finer *= 2
+        after = _integrate(one, control, substeps, finer, times, start, parameters)
+        change = _relative_change(before, after)
+        many = 2 * finer * substeps * control.mesh.cells > MOST_IN_ALL
+        if change <= STANDS_STILL or finer >= MOST_STEPS or many or not np.isfinite(change):
+            break
+        before = after
+    states, lagrange = after[:, :-1], float(after[-1, -1])
+    mayer = float(model.end_cost(start, times[0], states[-1], times[1], parameters))
+    return Resimulation(states, lagrange + mayer, change)
+
+
+def _relative_change(before: Array, after: Array) -> float:
+    with np.errstate(all="ignore"):  # an unstable system may overflow; that is told as inf
+        scale = np.maximum(np.abs(after).max(axis=0), 1e-300)
+        change = float((np.abs(after - before) / np.where(scale > 1e-12, scale, 1.0)).max())
+    return change if np.isfinite(change) else np.inf
+
+
+def _step(model: Model) -> ca.Function:
+    """Return ([x; cost], controls at the stages, [t; h], p) ↦ [x; cost] one step later."""
+    import casadi as ca
+
+    n = model.n_x
+    y, times = ca.SX.sym("y", n + 1), ca.SX.sym("times", 2)
+    u, p = ca.SX.sym("u", model.n_u, len(_C)), ca.SX.sym("p", model.n_p)
+    t, h = times[0], times[1]
+    slopes: list[ca.SX] = []
+    for i, row in enumerate(_A):
+        at = y[:n]
+        for a, slope in zip(row, slopes, strict=True):
+            at += h * a * slope[:n]
+        xdot, cost = model.right_hand_side(at, u[:, i], p, t + _C[i] * h)
+        slopes.append(ca.vertcat(xdot, cost))
+    after = y
+    for b, slope in zip(_B, slopes, strict=True):
+        after += h * b * slope
+    return ca.Function("step", [y, u, times, p], [ca.cse(after)])
+
+
+def _integrate(
+    step: ca.Function,
+    control: Control,
+    substeps: int,
+    finer: int,
+    times: tuple[float, float],
+    start: Array,
+    parameters: Array,
+) -> Array:
+    """Return [x; cost] at the ends of the substeps, (M+1, n_x+1)."""
+    mesh, each = control.mesh, substeps * finer
+    begins = np.arange(each) / each
+    offsets = (begins[:, None] + _C / each).ravel()
+    u = control.basis.evaluate(control.coefficients, *mesh.points(np.minimum(offsets, 1.0)))
+    count = mesh.cells * each
+    horizon = times[1] - times[0]
+    h = np.repeat(mesh.steps, each) * horizon / each
+    cells, places = mesh.points(begins)
+    t = times[0] + horizon * (mesh.fractions[cells] + places * mesh.steps[cells])
+    stages = u.reshape(count, len(_C), -1).transpose(2, 0, 1).reshape(u.shape[1], -1)
+    found = step.mapaccum(count)(
+        np.append(start, 0.0), stages, np.vstack([t, h]), np.tile(parameters[:, None], (1, count))
+    )
+    ends = np.array(found).T[finer - 1 :: finer]
+    return np.vstack([np.append(start, 0.0), ends])

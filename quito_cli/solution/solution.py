@@ -1,0 +1,191 @@
+"""The Solution: an answer with its evidence, frozen, and usable without CasADi."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quito_cli.solution.trajectory import Trajectory
+from quito_cli.solution.violations import Violation
+from quito_cli.solvers.outcome import Status
+from quito_cli.transcription.control import ControlBasis
+from quito_cli.transcription.mesh import Mesh
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A state or control entry, as labels and bounds on a plot need it."""
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True)
+class Origin:
+    """The problem that was solved."""
+
+    name: str
+    title: str
+    text: str
+    """The YAML text."""
+    changes: tuple[tuple[str, str], ...]
+    """What was set beside it: (name, value)."""
+    states: tuple[Quantity, ...]
+    controls: tuple[Quantity, ...]
+    maximize: bool
+
+
+@dataclass(frozen=True)
+class ReferenceSamples:
+    """What the file knows of the answer, sampled where the solution's dense grid is."""
+
+    cost: float | None
+    accuracy: float | None
+    switching_times: tuple[float, ...]
+    states: Array
+    """(points, n_x); NaN where unknown."""
+    controls: Array
+    """(points, n_u); NaN where unknown."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What speaks for an answer, found independently of the nonlinear program (or recomputed)."""
+
+    tolerance: float
+    """What the residuals are judged against, at ten times."""
+    stationarity: float
+    """First-order residual at the returned point, scaled."""
+    feasibility: float
+    """Largest violation of a constraint of the nonlinear program."""
+    complementarity: float
+    """Largest product of a multiplier with the distance from its bound, scaled."""
+    recomputed_cost: float
+    """Cost at the returned point by the nonlinear program's functions, in the file's sense."""
+    resimulated_cost: float
+    """Cost that û(t) produces when integrated anew, in the file's sense."""
+    resimulation_gap: float
+    """Largest distance of the re-simulated states from the answer's, over the state's size."""
+    resimulation_accuracy: float
+    """Relative change of the re-simulation when its steps were last halved."""
+    terminal_gap: float
+    """Largest violation of a final condition by the re-simulated state, over the state's size."""
+    violations: tuple[Violation, ...]
+    """Of every bound and end condition on a grid between the nodes too, worst first."""
+    total_variation: tuple[float, ...]
+    """By control."""
+    ringing: tuple[float, ...]
+    """Ringing index by control; about one without ringing."""
+    warnings: tuple[str, ...]
+    """What a reader must know before believing the answer."""
+    diagnosis: tuple[str, ...]
+    """For an answer that is no success: why, in the words of the problem file."""
+
+    @property
+    def maximum_violation(self) -> float:
+        """The largest amount by which any condition is violated anywhere."""
+        return max((violation.amount for violation in self.violations), default=0.0)
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """Counts and times."""
+
+    iterations: int | None
+    build_seconds: float
+    solve_seconds: float
+    unknowns: int
+    constraints: int
+    solver: str
+    solver_said: str
+
+
+@dataclass(frozen=True)
+class Solution:
+    """An answer: control, states and costates as functions of time, and why to believe them."""
+
+    origin: Origin
+    options: Mapping[str, Any]
+    """Resolved options of the solve."""
+    status: Status
+    cost: float
+    """In the file's sense."""
+    times: Array
+    """(N+1,) times of the nodes."""
+    trajectory: Trajectory
+    basis: ControlBasis
+    coefficients: Array
+    """(count, n_u) of the control."""
+    costates: Array
+    """(N+1, n_x) at the nodes: λ = ∂V/∂x of the minimisation, unscaled."""
+    multipliers: Mapping[str, Array]
+    """Of the nonlinear program's rows, by block, unscaled: (places, labels)."""
+    evidence: Evidence
+    statistics: Statistics
+    history: Mapping[str, Array]
+    """By iteration of the solver."""
+    dense_times: Array
+    """A fine uniform grid from the initial to the final time."""
+    reference: ReferenceSamples | None
+    """None where the file has none that applies."""
+
+    @property
+    def success(self) -> bool:
+        """Whether the recomputed residuals are within ten times the tolerance."""
+        return self.status is Status.SOLVED
+
+    @property
+    def mesh(self) -> Mesh:
+        """The control cells."""
+        start, end = self.times[0], self.times[-1]
+        return Mesh((self.times - start) / (end - start))
+
+    def control(self, t: float | Array) -> Array:
+        """Return û at times t, (len(t), n_u), continuous from the right; ends hold beyond."""
+        start, end = self.times[0], self.times[-1]
+        times = np.clip(np.atleast_1d(np.asarray(t, dtype=float)), start, end)
+        cells = np.clip(
+            np.searchsorted(self.times, times, side="right") - 1, 0, len(self.times) - 2
+        )
+        offsets = (times - self.times[cells]) / np.diff(self.times)[cells]
+        return self.basis.evaluate(self.coefficients, cells, np.clip(offsets, 0.0, 1.0))
+
+    def state(self, t: float | Array) -> Array:
+        """Return the states at times t, (len(t), n_x), interpolated by the scheme's order."""
+        return self.trajectory(np.atleast_1d(np.asarray(t, dtype=float)))
+
+    def costate(self, t: float | Array) -> Array:
+        """Return the costates at times t, (len(t), n_x), linear between the nodes."""
+        times = np.atleast_1d(np.asarray(t, dtype=float))
+        columns = [np.interp(times, self.times, column) for column in self.costates.T]
+        return np.array(columns).reshape(len(columns), len(times)).T
+
+    def save(self, path: str | Path) -> None:
+        """Write the result file; an older one of that name is replaced only when all is written.
+
+        Raises:
+            ResultFileError: the file cannot be written.
+        """
+        from quito_cli.solution.store import save
+
+        save(self, Path(path))
+
+    @classmethod
+    def load(cls, path: str | Path) -> Solution:
+        """Read a result file.
+
+        Raises:
+            ResultFileError: it is missing, damaged, no result of quito, or of a newer format.
+        """
+        from quito_cli.solution.store import load
+
+        return load(Path(path))

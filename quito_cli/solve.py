@@ -1,0 +1,166 @@
+"""The pipeline itself: Problem -> Model -> Nlp -> numbers -> Solution; and the options with their
+defaults, which are here and nowhere else."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from quito_cli.errors import UsageError
+
+if TYPE_CHECKING:
+    from quito_cli.problem.options import RequestedOptions
+    from quito_cli.problem.schema import Problem
+    from quito_cli.solution.solution import Solution
+    from quito_cli.solvers.outcome import Listener
+    from quito_cli.transcription.control import ControlBasis
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to solve; what each means is said in `quito_cli.problem.options`."""
+
+    steps: int = 100
+    variance: float = 2.0
+    generating_function: str = "gaussian"
+    normalised: bool = True
+    control: str = "quasi-interpolant"
+    discretization: str = "rk4"
+    substeps: int = 2
+    tolerance: float = 1e-9
+    max_iterations: int = 1000
+    objective_scale: float | None = None
+    solver_options: Mapping[str, float | int | bool | str] = field(default_factory=dict)
+
+    @classmethod
+    def resolve(cls, file: RequestedOptions, given: Mapping[str, Any]) -> Options:
+        """Return the options of a solve: given ones, then the file's, then the defaults.
+
+        Args:
+            file: what the problem file asks for.
+            given: what the call or the command line asks for; None counts as not given.
+
+        Raises:
+            UsageError: an unknown option, a wrong value, or options that exclude each other.
+        """
+        asked = _checked(given)
+        wanted = file.model_dump(exclude_none=True)
+        if "control" in asked and asked["control"] != wanted.get("control", cls.control):
+            for name in QUASI_INTERPOLANT_ONLY:  # the file's choice was for the file's control
+                wanted.pop(name, None)
+        wanted["solver_options"] = wanted.get("solver_options", {}) | asked.pop(
+            "solver_options", {}
+        )
+        wanted |= asked
+        control = wanted.get("control", cls.control)
+        for name in QUASI_INTERPOLANT_ONLY:
+            if control != "quasi-interpolant" and name in wanted:
+                raise UsageError(
+                    f"{name.replace('_', '-')} belongs to quasi-interpolants; a {control} control "
+                    "has none: leave it out"
+                )
+        return replace(cls(), **wanted)
+
+
+QUASI_INTERPOLANT_ONLY = ("variance", "generating_function", "normalised")
+"""Options that mean nothing to the classical controls."""
+CLASSICAL_CONTROLS = {"piecewise-constant": "box", "piecewise-linear": "hat"}
+"""Controls that are a generating function of their own."""
+
+
+def solve(
+    problem: str | Path | Problem,
+    *,
+    constants: Mapping[str, str | float] | None = None,
+    listener: Listener | None = None,
+    **options: Any,
+) -> Solution:
+    """Solve an optimal control problem.
+
+    Args:
+        problem: a path, the name of a bundled problem, or a Problem.
+        constants: constants to set, by name, or other values by dotted path.
+        listener: told of every iteration of the solver.
+        **options: fields of `Options`.
+
+    Returns:
+        The Solution, with its evidence; whether it is one, says `solution.success`.
+
+    Raises:
+        UsageError: a wrong option, or no such problem.
+        ProblemError: mistakes in the problem file, all of them told.
+    """
+    from quito_cli.problem.build import build
+    from quito_cli.problem.load import changed, load
+    from quito_cli.solution.extract import extract
+    from quito_cli.solvers import minimise
+    from quito_cli.transcription.cells import Discretization
+    from quito_cli.transcription.mesh import Mesh
+    from quito_cli.transcription.schemes import scheme
+    from quito_cli.transcription.transcribe import transcribe
+
+    if isinstance(problem, str | Path):
+        problem = load(problem)
+    problem = changed(problem, constants or {})
+    chosen = Options.resolve(problem.options, options)
+    started = time.perf_counter()
+    model = build(problem)
+    method = Discretization(
+        Mesh.uniform(chosen.steps),
+        control_basis(chosen),
+        scheme(chosen.discretization),
+        chosen.substeps,
+    )
+    nlp = transcribe(model, method, chosen.objective_scale)
+    built = time.perf_counter() - started
+    outcome, residuals = minimise(
+        nlp, chosen.tolerance, chosen.max_iterations, dict(chosen.solver_options), listener
+    )
+    return extract(problem, nlp, outcome, residuals, asdict(chosen), built)
+
+
+def control_basis(options: Options) -> ControlBasis:
+    """Return the control's functions on `options.steps` cells.
+
+    Raises:
+        UsageError: a variance too small for the generating function.
+    """
+    from quito_cli.transcription.control import ControlBasis
+    from quito_cli.transcription.generating import (
+        GENERATING_FUNCTIONS,
+        check_variance,
+        generating_function,
+    )
+
+    classical = CLASSICAL_CONTROLS.get(options.control)
+    if classical is not None:
+        return ControlBasis(GENERATING_FUNCTIONS[classical], options.steps, 1.0, True)
+    row = generating_function(options.generating_function)
+    check_variance(row, options.variance)
+    return ControlBasis(row, options.steps, options.variance, options.normalised)
+
+
+def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the given options, validated, without those that are None."""
+    from pydantic import ValidationError
+
+    from quito_cli.problem.complaints import suggest
+    from quito_cli.problem.options import RequestedOptions
+    from quito_cli.problem.validate import expected
+
+    known = [f.name for f in fields(Options)]
+    for name in given:
+        if name not in known:
+            raise UsageError(f"there is no option '{name}'{suggest(name, known)}")
+    present = {name: value for name, value in given.items() if value is not None}
+    try:
+        return RequestedOptions.model_validate(present).model_dump(exclude_none=True)
+    except ValidationError as error:
+        messages = [
+            f"{str(detail['loc'][0]).replace('_', '-')}: {expected(detail)}"
+            for detail in error.errors()
+        ]
+        raise UsageError("\n".join(messages)) from None

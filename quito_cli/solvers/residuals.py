@@ -1,0 +1,83 @@
+"""First-order and feasibility residuals, recomputed at the returned point: never believe a solver.
+
+    stationarity     ‖∇f + (∂g)ᵀλ_g + λ_w‖∞ / s     over unknowns that are free
+    feasibility      largest violation of a bound or a row
+    complementarity  largest |multiplier · distance to its bound| / s
+    sign             a multiplier of a bound that does not exist counts as nothing
+
+with s = max(100, mean |λ|)/100, as in Wächter and Biegler, *Math. Program.* 106 (2006), section 2.1.
+All are of the scaled nonlinear program, like the tolerance they are compared with.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quito_cli.solvers.outcome import Outcome
+from quito_cli.transcription.transcribe import Nlp
+
+Array = NDArray[np.float64]
+
+JUDGED_AT = 10.0
+"""An answer is a success where its residuals are within this many tolerances."""
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """How far a point is from satisfying the first-order conditions."""
+
+    stationarity: float
+    feasibility: float
+    complementarity: float
+    gradient: Array
+    """∇(f + λ_gᵀg), (n_w,): bounds not counted; of use for costates at the ends."""
+    violations: Array
+    """(n_g,) by row."""
+
+    @property
+    def largest(self) -> float:
+        """The one number to compare with the tolerance; inf where anything is undefined."""
+        worst = np.max([self.stationarity, self.feasibility, self.complementarity])
+        return float(worst) if np.isfinite(worst) else float("inf")
+
+
+def _violation(values: Array, lower: Array, upper: Array) -> Array:
+    return np.maximum(np.maximum(lower - values, values - upper), 0.0)
+
+
+def _slackness(values: Array, lower: Array, upper: Array, multipliers: Array) -> Array:
+    """Return |multiplier · distance| to the bound that the multiplier's sign speaks of."""
+    distance = np.where(multipliers > 0, upper - values, values - lower)
+    bounded = np.isfinite(distance) & (lower < upper)
+    return np.where(bounded, np.abs(multipliers * np.where(bounded, distance, 0.0)), 0.0)
+
+
+def residuals(nlp: Nlp, outcome: Outcome) -> Residuals:
+    """Return the residuals of `outcome`, computed afresh from the nonlinear program."""
+    assembled, w = nlp.assembled, outcome.w
+    gradient = np.array(assembled.gradient(w, [])[1]).ravel()
+    rows, jacobian = assembled.jacobian(w, [])
+    g = np.array(rows).ravel()
+    gradient = gradient + np.array(jacobian.T @ outcome.lam_g).ravel()
+    lam_w = np.where(outcome.lam_w > 0, np.where(np.isfinite(nlp.upper), outcome.lam_w, 0.0), 0.0)
+    lam_w += np.where(outcome.lam_w < 0, np.where(np.isfinite(nlp.lower), outcome.lam_w, 0.0), 0.0)
+    free = nlp.lower < nlp.upper
+    multipliers = np.concatenate([outcome.lam_g, lam_w])
+    scale = max(100.0, float(np.mean(np.abs(multipliers)))) / 100.0
+    violations = _violation(g, nlp.row_lower, nlp.row_upper)
+    slackness = np.concatenate(
+        [
+            _slackness(w, nlp.lower, nlp.upper, lam_w),
+            _slackness(g, nlp.row_lower, nlp.row_upper, outcome.lam_g),
+        ]
+    )
+    return Residuals(
+        float(np.max(np.abs(gradient + lam_w)[free], initial=0.0)) / scale,
+        float(np.max(np.concatenate([violations, _violation(w, nlp.lower, nlp.upper)]))),
+        float(np.max(slackness, initial=0.0)) / scale,
+        gradient,
+        violations,
+    )

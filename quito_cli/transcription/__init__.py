@@ -1,0 +1,1 @@
+"""Model -> Nlp: the quasi-interpolated control, schemes, and mapped terms."""

@@ -1,0 +1,101 @@
+"""The control as a quasi-interpolant in index space (DESIGN of quito: section 3.1).
+
+A mesh is any increasing t_0 < … < t_N; s(t) is the piecewise linear map with s(t_k) = k, and
+
+    û(t) = Σ_m c_m w_m(s(t)),   w_m(s) = ψ((s−m)/√D) / Σ_j ψ((s−j)/√D),   m = −p … N+p.
+
+Because s is an index, the weights know nothing of the step sizes: they are the same on every mesh,
+and the partition of unity holds on graded ones too. The ghost nodes p beyond each end keep the sum
+full at the edges. A point is named by its cell and its offset in [0, 1] within it, so that both
+limits at a node can be asked for: (k, 1) is the limit from the left, (k+1, 0) the one from the
+right; they differ for cellwise functions only. `normalised=False` gives the paper's sum as printed,
+D^(−1/2) Σ_m c_m ψ((s−m)/√D).
+
+Only numpy is needed here: the transcription and a loaded result use the very same weights.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quito_cli.transcription.generating import GeneratingFunction, reach
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+_CHUNK = 50_000
+"""Points evaluated at a time: bounds the memory of dense evaluations."""
+
+
+@dataclass(frozen=True)
+class ControlBasis:
+    """The functions w_m on N cells: what turns coefficients into û."""
+
+    function: GeneratingFunction
+    cells: int
+    variance: float
+    normalised: bool
+
+    @property
+    def ghosts(self) -> int:
+        """Nodes p beyond each end."""
+        return math.ceil(self.function.ghost_reach * math.sqrt(self._spread))
+
+    @property
+    def count(self) -> int:
+        """Coefficients a control has."""
+        return self.cells + (0 if self.function.cellwise else 1) + 2 * self.ghosts
+
+    @property
+    def convex(self) -> bool:
+        """û is a convex combination of the coefficients, so that their bounds are û's."""
+        return self.function.positive and self.normalised
+
+    @property
+    def centres(self) -> Array:
+        """The s of each coefficient, (count,): its node, or the middle of its cell."""
+        middle = 0.5 if self.function.cellwise else 0.0
+        return np.arange(self.count, dtype=float) - self.ghosts + middle
+
+    @property
+    def _spread(self) -> float:
+        return self.variance if self.function.scaled else 1.0
+
+    def weights(self, cells: Indices, offsets: Array) -> tuple[Indices, Array]:
+        """Return the coefficients that a point depends on, and how much.
+
+        Args:
+            cells: (points,) the cell of each point, 0 … N−1.
+            offsets: (points,) its place in the cell, 0 … 1.
+
+        Returns:
+            Indices into the coefficients and weights, both (points, width). Entries outside the
+            coefficients have weight zero and an index clipped to the valid range.
+        """
+        root = math.sqrt(self._spread)
+        radius = reach(self.function.name) * root
+        half = 0 if self.function.cellwise else math.floor(radius) + 1
+        m = np.floor(cells + offsets).astype(np.int64)[:, None] + np.arange(-half, half + 1)
+        s = cells + offsets
+        if self.function.cellwise:
+            s = cells.astype(float)
+            m = cells[:, None]
+        distance = s[:, None] - m
+        first = -self.ghosts
+        known = (np.abs(distance) <= radius) & (m >= first) & (m < first + self.count)
+        weights = np.where(known, self.function.value(distance / root), 0.0)
+        weights /= weights.sum(axis=1, keepdims=True) if self.normalised else root
+        return np.clip(m - first, 0, self.count - 1), weights
+
+    def evaluate(self, coefficients: Array, cells: Indices, offsets: Array) -> Array:
+        """Return û at points, (points, n_u), from coefficients (count, n_u)."""
+        values = np.empty((len(cells), coefficients.shape[1]))
+        for start in range(0, len(cells), _CHUNK):
+            part = slice(start, start + _CHUNK)
+            indices, weights = self.weights(cells[part], offsets[part])
+            values[part] = np.einsum("pw,pwu->pu", weights, coefficients[indices])
+        return values

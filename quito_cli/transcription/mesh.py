@@ -1,0 +1,49 @@
+"""The mesh: any increasing sequence of nodes, kept as fractions of the horizon.
+
+Fractions 0 = τ_0 < … < τ_N = 1 say the same for fixed and free times: t_k = t_0 + (t_f − t_0) τ_k.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """N control cells between N+1 nodes."""
+
+    fractions: Array
+    """(N+1,) increasing, from 0 to 1."""
+
+    @classmethod
+    def uniform(cls, cells: int) -> Mesh:
+        """Return N cells of equal length."""
+        return cls(np.linspace(0.0, 1.0, cells + 1))
+
+    @property
+    def cells(self) -> int:
+        """N."""
+        return len(self.fractions) - 1
+
+    @property
+    def steps(self) -> Array:
+        """(N,) lengths of the cells as fractions of the horizon."""
+        return np.diff(self.fractions)
+
+    def locate(self, fractions: Array) -> tuple[Indices, Array]:
+        """Return cell and offset of points, (points,) each; nodes belong to the cell they open."""
+        cells = np.searchsorted(self.fractions, fractions, side="right") - 1
+        cells = np.clip(cells, 0, self.cells - 1)
+        offsets = (fractions - self.fractions[cells]) / self.steps[cells]
+        return cells, np.clip(offsets, 0.0, 1.0)
+
+    def points(self, offsets: Array) -> tuple[Indices, Array]:
+        """Return cell and offset of the same offsets in every cell, cell by cell."""
+        cells = np.repeat(np.arange(self.cells), len(offsets))
+        return cells, np.tile(offsets, self.cells)
