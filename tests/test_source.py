@@ -278,7 +278,7 @@ def test_offsets_find_every_character(parser: None, text: str) -> None:
         ('a: "x\\\n  y"', 1, (2, 3)),
         ("a: |\n  x +\n  y", 4, (3, 3)),
         ("a: |\n  x +\n  y", 3, (2, 6)),
-        ("a: >\n\n\n  x\n  y", 0, (4, 3)),
+        ("a: >\n\n\n  x\n  y", 2, (4, 3)),
         ("a: 12", 1, (1, 5)),
         ("a:", 3, (1, 3)),
         ("a: ''", 0, (1, 5)),
@@ -286,13 +286,7 @@ def test_offsets_find_every_character(parser: None, text: str) -> None:
     ],
 )
 def test_offsets(parser: None, text: str, offset: int, expected: tuple[int, int]) -> None:
-    if text == "a: >\n\n\n  x\n  y":
-        offset = read(text, "f").data["a"].index("x")
-    found = spot(read(text, "f"), "a", offset=offset)
-    if text == "a: ''":
-        assert found in {(1, 4), (1, 5)}
-    else:
-        assert found == expected
+    assert spot(read(text, "f"), "a", offset=offset) == expected
 
 
 def test_lines_are_those_of_the_file() -> None:
@@ -361,7 +355,7 @@ f.yaml:2:4: aliases are not read: repeat the value, or name it under constants
     2 | b: *mu
       |    ^~~""",
     "a: 1\n---\nb: 2": """\
-f.yaml:2:1: a file holds one document: remove this one
+f.yaml:2:1: a second document begins here: a file holds only one
     2 | ---
       | ^""",
     # Less than data
@@ -584,6 +578,10 @@ def test_any_text_is_read_or_refused(text: str) -> None:
         assert isinstance(read(text, "f").data, dict)
 
 
+# PyYAML's own reader, where libyaml is missing, misreads folded lines beside these.
+EXOTIC_BREAKS = "\x85\u2028\u2029"
+
+
 def _texts(alphabet: Callable[[str], bool]) -> st.SearchStrategy[str]:
     """Texts that mean the same in YAML 1.1, in which they are dumped, and in 1.2."""
 
@@ -628,13 +626,16 @@ def _check_dump(data: dict[str, Any], flow: bool, width: int) -> None:
 
 
 @settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(_documents(_texts(lambda character: True)), st.integers(10, 120))
+@given(_documents(_texts(lambda character: character not in EXOTIC_BREAKS)), st.integers(10, 120))
 def test_dumped_blocks_are_read_back(data: dict[str, Any], width: int) -> None:
     _check_dump(data, False, width)
 
 
 @settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(_documents(_texts(lambda character: character not in "()")), st.integers(10, 120))
+@given(
+    _documents(_texts(lambda character: character not in "()" + EXOTIC_BREAKS)),
+    st.integers(10, 120),
+)
 def test_dumped_braces_are_read_back(data: dict[str, Any], width: int) -> None:
     _check_dump(data, True, width)
 

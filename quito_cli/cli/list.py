@@ -13,7 +13,7 @@ def list_problems(
         bool, typer.Option("--json", help="Print one JSON object, and nothing else.")
     ] = False,
 ) -> None:
-    """List the bundled problems: name, size, what is known of the answer, title."""
+    """List the bundled problems."""
     from quito_cli.problem.library import bundled
     from quito_cli.problem.load import load
     from quito_cli.problem.schema import Control, State
@@ -39,13 +39,14 @@ def list_problems(
     if as_json:
         typer.echo(json.dumps({"problems": rows}, ensure_ascii=False))
         return
-    from rich.console import Console
     from rich.table import Table
+
+    from quito_cli.cli.console import console
 
     table = Table("name", "states", "controls", "reference", "title", box=None, header_style="dim")
     for row in rows:
         table.add_row(*(str(value) for value in row.values()))
-    Console(highlight=False, soft_wrap=True).print(table)
+    console().print(table)
 
 
 def _what_is_known(cost: bool, control: bool) -> str:

@@ -23,7 +23,7 @@ def plot(
     ] = "png",
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
 ) -> None:
-    """Draw a saved result: states and controls, or what is asked for."""
+    """Draw a saved result."""
     from quito_cli.plots.figure import draw
     from quito_cli.solution.solution import Solution
 

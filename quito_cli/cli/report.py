@@ -6,10 +6,10 @@ import math
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from quito_cli.cli.console import console
 from quito_cli.solution.solution import Solution
 
 _MOST_VIOLATIONS = 12
@@ -67,27 +67,27 @@ def print_solution(
     solution: Solution, *, verbose: bool, files: tuple[Path | None, ...] = ()
 ) -> None:
     """Print the summary with its evidence."""
-    console = Console(highlight=False, soft_wrap=True)
+    out = console()
     colour = "green" if solution.success else "red"
     word = "Solved." if solution.success else "Not solved."
     title = solution.origin.title or solution.origin.name
-    console.print(Text(title, style="bold"))
-    console.print(Text.assemble((word, f"bold {colour}"), f" {solution.status.value}"))
+    out.print(Text(title, style="bold"))
+    out.print(Text.assemble((word, f"bold {colour}"), f" {solution.status.value}"))
     for sentence in solution.evidence.diagnosis:
-        console.print(Text(f"  {sentence}"))
-    console.print()
-    console.print(_figures(solution))
+        out.print(Text(f"  {sentence}"))
+    out.print()
+    out.print(_figures(solution))
     if verbose:
-        console.print()
-        console.print(_all_violations(solution))
-        console.print()
-        console.print(_options(solution))
+        out.print()
+        out.print(_all_violations(solution))
+        out.print()
+        out.print(_options(solution))
     for warning in solution.evidence.warnings:
-        console.print(Text.assemble(("Warning: ", "bold yellow"), warning))
+        out.print(Text.assemble(("Warning: ", "bold yellow"), warning))
     written = [str(path) for path in files if path is not None]
     if written:
-        console.print()
-        console.print(Text("Saved " + " and ".join(written)))
+        out.print()
+        out.print(Text("Saved " + " and ".join(written)))
 
 
 def _figures(solution: Solution) -> Table:
@@ -96,7 +96,7 @@ def _figures(solution: Solution) -> Table:
     table.add_column(style="dim")
     table.add_column()
     table.add_row("  cost", _cost(solution))
-    iterations = "?" if statistics.iterations is None else str(statistics.iterations)
+    iterations = "unknown" if statistics.iterations is None else str(statistics.iterations)
     table.add_row(
         "  iterations",
         f"{iterations}, built in {_seconds(statistics.build_seconds)}, "
@@ -106,16 +106,16 @@ def _figures(solution: Solution) -> Table:
     changes = ", ".join(f"{name} = {value}" for name, value in solution.origin.changes)
     if changes:
         table.add_row("  set", changes)
-    table.add_row(
-        "  residuals",
-        f"{evidence.stationarity:.1e} stationarity, {evidence.feasibility:.1e} feasibility, "
-        f"{evidence.complementarity:.1e} complementarity (judged at {10 * evidence.tolerance:.0e})",
-    )
+    largest = max(evidence.stationarity, evidence.feasibility, evidence.complementarity)
+    judged = f"judged at {10 * evidence.tolerance:.0e}"
+    table.add_row("  residuals", f"{largest:.1e} first-order and feasibility, {judged}")
     table.add_row(
         "  re-simulated",
-        f"cost {evidence.resimulated_cost:.9g}, states within {evidence.resimulation_gap:.1e}, "
-        f"end within {evidence.terminal_gap:.1e} of their size",
+        f"cost {evidence.resimulated_cost:.9g}, states within {evidence.resimulation_gap:.1e} "
+        "of their size",
     )
+    if any(violation.constraint.startswith("final(") for violation in evidence.violations):
+        table.add_row("", f"final conditions within {evidence.terminal_gap:.1e}")
     table.add_row("  violation", _violation(solution))
     names = [quantity.name for quantity in solution.origin.controls]
     for label, values in (
@@ -133,9 +133,8 @@ def _cost(solution: Solution) -> str:
     reference = solution.reference
     if reference is None or reference.cost is None:
         return text
-    return (
-        f"{text}, reference {reference.cost:.10g}, difference {solution.cost - reference.cost:+.1e}"
-    )
+    difference = solution.cost - reference.cost
+    return f"{text}, reference {reference.cost:.10g}, difference {difference:+.1e}"
 
 
 def _method(options: Any) -> str:
@@ -143,7 +142,7 @@ def _method(options: Any) -> str:
     if options["control"] != "quasi-interpolant":
         return f"{text}{options['control']} control"
     plain = "" if options["normalised"] else ", as printed"
-    return f"{text}{options['generating_function']} quasi-interpolant, variance {options['variance']:g}{plain}"
+    return f"{text}{options['generating_function']}, variance {options['variance']:g}{plain}"
 
 
 def _violation(solution: Solution) -> str:

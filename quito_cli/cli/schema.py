@@ -6,7 +6,7 @@ import typer
 
 
 def schema() -> None:
-    """Print the JSON Schema of problem files, for editors and other tools."""
+    """Print the JSON Schema of problem files."""
     from quito_cli.problem.json_schema import schema_text
 
     typer.echo(schema_text(), nl=False)

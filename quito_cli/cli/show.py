@@ -17,7 +17,7 @@ def show(
         bool, typer.Option("--json", help="Print one JSON object, and nothing else.")
     ] = False,
 ) -> None:
-    """Show a result with its evidence and options, or what a problem says."""
+    """Show a result with its evidence, or a problem."""
     from quito_cli.solution.store import is_result
 
     if Path(what).suffix == ".h5" or is_result(Path(what)):
@@ -45,13 +45,14 @@ def _show_problem(where: str, as_json: bool) -> None:
         data = problem.model_dump(mode="json", exclude_unset=True)
         typer.echo(json.dumps(data, ensure_ascii=False))
         return
-    from rich.console import Console
     from rich.text import Text
 
-    console = Console(highlight=False, soft_wrap=True)
-    console.print(Text(problem.title or problem.name, style="bold"))
+    from quito_cli.cli.console import console
+
+    out = console()
+    out.print(Text(problem.title or problem.name, style="bold"))
     for note in (problem.source, problem.description):
         if note:
-            console.print(Text(note.strip()))
-    console.print()
-    console.print(Text(problem.text.strip()))
+            out.print(Text(note.strip()))
+    out.print()
+    out.print(Text(problem.text.strip()))

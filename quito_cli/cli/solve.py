@@ -97,7 +97,7 @@ def solve(
         bool, typer.Option("--verbose", "-v", help="Print every iteration and all evidence.")
     ] = False,
 ) -> None:
-    """Solve a problem; save the trajectory as HDF5 and a picture of it."""
+    """Solve a problem: save trajectory and picture."""
     from quito_cli.cli.progress import ProgressLine
     from quito_cli.cli.report import as_dictionary, print_solution
     from quito_cli.problem.load import load, parse_settings

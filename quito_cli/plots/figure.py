@@ -20,6 +20,7 @@ from quito_cli.solution.solution import Quantity, Solution
 from quito_cli.solution.store import write_aside
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -43,36 +44,40 @@ class Curve:
     """The reference at the same times; NaN where unknown."""
     lower: float
     upper: float
+    all_bounds: bool = False
+    """Draw the bounds however far they are."""
     steps: bool = False
     logarithmic: bool = False
 
 
 def _curves(
-    solution: Solution, quantities: tuple[Quantity, ...], values: Array, known: Array | None
+    solution: Solution,
+    quantities: tuple[Quantity, ...],
+    values: Array,
+    known: Array | None,
+    all_bounds: bool,
 ) -> list[Curve]:
     times = solution.dense_times
     curves = []
     for i, quantity in enumerate(quantities):
         unit = f" [{quantity.unit}]" if quantity.unit else ""
         reference = None if known is None or np.isnan(known[:, i]).all() else known[:, i]
-        curves.append(
-            Curve(
-                quantity.name + unit, times, values[:, i], reference, quantity.lower, quantity.upper
-            )
-        )
+        bounds = quantity.lower, quantity.upper
+        label = quantity.name + unit
+        curves.append(Curve(label, times, values[:, i], reference, *bounds, all_bounds))
     return curves
 
 
 def _states(solution: Solution) -> list[Curve]:
     known = solution.reference.states if solution.reference else None
     values = solution.state(solution.dense_times)
-    return _curves(solution, solution.origin.states, values, known)
+    return _curves(solution, solution.origin.states, values, known, False)
 
 
 def _controls(solution: Solution) -> list[Curve]:
     known = solution.reference.controls if solution.reference else None
     values = solution.control(solution.dense_times)
-    return _curves(solution, solution.origin.controls, values, known)
+    return _curves(solution, solution.origin.controls, values, known, True)
 
 
 def _costates(solution: Solution) -> list[Curve]:
@@ -86,9 +91,8 @@ def _costates(solution: Solution) -> list[Curve]:
 def _mesh(solution: Solution) -> list[Curve]:
     steps = np.diff(solution.times)
     lengths = np.append(steps, steps[-1])
-    return [
-        Curve("length of the cells", solution.times, lengths, None, -np.inf, np.inf, True, True)
-    ]
+    no_bounds = (-np.inf, np.inf, False)
+    return [Curve("length of the cells", solution.times, lengths, None, *no_bounds, True, True)]
 
 
 PANELS: dict[str, Callable[[Solution], list[Curve]]] = {
@@ -138,9 +142,9 @@ def _draw(axes: Axes, curve: Curve) -> None:
         )
     finite = curve.values[np.isfinite(curve.values)]
     low, high = (finite.min(), finite.max()) if finite.size else (0.0, 1.0)
-    reach = _NEAR * max(high - low, 1e-12)
+    reach = np.inf if curve.all_bounds else _NEAR * max(high - low, 1e-12)
     for bound in (curve.lower, curve.upper):
-        if low - reach <= bound <= high + reach:
+        if np.isfinite(bound) and low - reach <= bound <= high + reach:
             axes.axhline(bound, color=_BOUND, linewidth=0.9, linestyle=":", label="bound")
     if high - low <= 1e-9 * max(abs(high), 1.0):  # rounding is no shape
         axes.set_ylim(low - 0.5 * max(abs(low), 1.0), high + 0.5 * max(abs(high), 1.0))
@@ -153,14 +157,14 @@ def _draw(axes: Axes, curve: Curve) -> None:
 
 def _legend(drawn: Figure) -> None:
     """One legend for all plots, each entry once, and only where there is more than one."""
-    entries = {}
+    entries: dict[str, Artist] = {}
     for axes in drawn.axes:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            entries.setdefault(label, handle)
+            entries.setdefault(str(label), handle)
     if len(entries) > 1:
         drawn.legend(
-            list(entries.values()),
-            list(entries),
+            handles=list(entries.values()),
+            labels=list(entries),
             loc="outside lower center",
             ncols=len(entries),
             frameon=False,

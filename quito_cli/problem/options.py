@@ -114,14 +114,15 @@ def refuse_solver_option(name: str, value: object) -> str | None:
     """Return why a problem file may not set this solver option, or None if it may."""
     if name not in _ALLOWED:
         return (
-            f"a problem file may not set the solver option '{name}' (only numbers and switches from "
-            f"a list of safe ones); if you trust it, pass it yourself: --solver-option {name}=..."
+            f"a problem file may not set the solver option '{name}', only numbers and switches "
+            f"from a list of safe ones; if you trust it, pass --solver-option {name}=... yourself"
         )
     choices = _ALLOWED[name]
     if choices is not None:
         return None if value in choices else f"'{name}' takes {' or '.join(choices)}"
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    return None if number and math.isfinite(value) else f"'{name}' takes a number"
+    if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
+        return None
+    return f"'{name}' takes a number"
 
 
 class FileOptions(RequestedOptions):

@@ -50,6 +50,7 @@ _WRITTEN = {
     "": re.compile(rf"[{_BLANK}]|(?P<solid>.)"),
 }
 
+_SECOND = "a second document begins here: a file holds only one"
 _REPEAT = "repeat the value, or name it under constants"
 
 _INTEGER = re.compile(r"[-+]?(?:0|[1-9][0-9]*)")
@@ -273,15 +274,17 @@ class _Reader:
         return None
 
     def complain(self, index: int, message: str, length: int = 1) -> None:
+        """Note a mistake, unless it stands in what has been complained of as a whole."""
         if index >= self.cut.stop and not self.refused:
             place = self.source.place(index)
             self.complaints.append(Complaint(None, message, length=length, position=place))
 
     def document(self) -> _Node | None:
+        """The root of the only document, which is a mapping."""
         root = None
         for event in self.events:
             if isinstance(event, yaml.DocumentStartEvent) and root is not None:
-                self.complain(_start(event), "a file holds one document: remove this one")
+                self.complain(_start(event), _SECOND)
                 raise _Halt
             if isinstance(event, yaml.NodeEvent):
                 root = self.node(event, 0)
@@ -294,6 +297,7 @@ class _Reader:
         return root
 
     def node(self, event: yaml.Event, depth: int) -> _Node:
+        """The value that begins with an event; the recursion ends at the cap on nesting."""
         node = _Node(_start(event), _end(event), None)
         self.refuse_properties(event)
         if isinstance(event, yaml.ScalarEvent):
@@ -339,6 +343,7 @@ class _Reader:
                 node.children[key], node.data[key] = child, child.data
 
     def key(self, event: yaml.Event, depth: int) -> str | None:
+        """The key that begins with an event, or None where it is refused."""
         if isinstance(event, yaml.ScalarEvent):
             self.refuse_properties(event)
             if event.value or event.style:
@@ -372,6 +377,7 @@ class _Reader:
         self.complain(index, f"{what} are not read: {remedy}", length)
 
     def check(self, event: yaml.Event, role: _Role) -> None:
+        """Look at a plain scalar in flow style: is it all of what was meant?"""
         start = _start(event)
         plain = isinstance(event, yaml.ScalarEvent) and not event.style and event.value
         if plain and start >= self.cut.stop and self.text[start] not in "&!":
@@ -398,6 +404,7 @@ class _Reader:
         self.cut = _Cut(start, stop, closed)
 
     def syntax(self, error: yaml.MarkedYAMLError) -> None:
+        """Say why the parser gave up, unless an expression that was cut short is the reason."""
         mark = error.problem_mark or error.context_mark
         index = mark.index if mark else 0
         if index >= self.cut.stop + (not self.cut.closed):
@@ -405,19 +412,19 @@ class _Reader:
         if index < self.cut.stop + (not self.cut.closed):
             self.broken = self.cut.closed
             return
+        place = self.source.place(index)
         begun = error.context_mark.index if error.context_mark else index
         found = self.text[index : index + 1] if self.text[index:].strip() else ""
         message = plain_words(
             f"{error.context}: {error.problem}",
             found=found,
             opened=self.source.place(begun).line,
-            within=bool(self.text[:index].rpartition("\n")[2].strip()),
+            within=bool(self.source.line(place.line)[: place.column - 1].strip()),
         )
         # At the end of the file, or of a line without its colon, there is nothing to mend: the
         # mistake is where the quote, bracket or line begins.
         if not found or "find expected ':'" in str(error.problem):
-            index = min(begun, len(self.text.rstrip()))
-        place = self.source.place(index)
+            place = self.source.place(min(begun, len(self.text.rstrip())))
         self.complaints.append(Complaint(None, message, position=place))
 
     def find_cut(self, index: int) -> None:

@@ -134,27 +134,30 @@ def _complaint(detail: ErrorDetails, data: Any) -> Complaint:
 
 def expected(detail: ErrorDetails, path: Path = ()) -> str:
     """Return what was expected, in plain words."""
-    kind, context, value = detail["type"], detail.get("ctx", {}), detail["input"]
-    if kind == "union_tag_not_found":
-        nearest_first = [_ALTERNATIVES[step] for step in reversed(path) if step in _ALTERNATIVES]
-        choice = nearest_first[0] if nearest_first else "a number or an expression"
-        return f"expected {choice}, got {_shown(value)}"
-    if kind == "union_tag_invalid":
-        given = {"=list": "a list", "=mapping": "a mapping", "=nothing": "nothing"}
-        got = given.get(str(context.get("tag")), "something else")
-        return f"expected a number or an expression, got {got}"
-    if kind == "value_error":
-        return str(context["error"])
-    if kind in ("model_type", "dict_type", "model_attributes_type"):
-        return f"expected a mapping, `key: value` lines or {{...}}, got {_shown(value)}"
-    if kind == "literal_error":
-        hint = suggest(str(value), str(context["expected"]).replace("'", "").split(", "))
-        return f"expected {context['expected']}, got {_shown(value)}{hint}"
-    if kind in ("too_long", "too_short"):
-        limit = context.get("max_length", context.get("min_length"))
-        most = "at most" if kind == "too_long" else "at least"
-        return f"expected {most} {limit} entries, got {context['actual_length']}"
-    return f"{_plain(detail)}, got {_shown(value)}"
+    kind, value = detail["type"], detail["input"]
+    context: dict[str, Any] = detail.get("ctx", {})
+    match kind:
+        case "value_error":
+            return str(context["error"])
+        case "union_tag_not_found" | "union_tag_invalid":
+            nearest_first = [_ALTERNATIVES[s] for s in reversed(path) if s in _ALTERNATIVES]
+            wanted = nearest_first[0] if nearest_first else "a number or an expression"
+        case "model_type" | "dict_type" | "model_attributes_type":
+            wanted = "a mapping, `key: value` lines or {...}"
+        case "literal_error":
+            names = str(context["expected"]).replace("'", "")
+            return f"expected {names}, got {_shown(value)}{suggest(str(value), names.split(', '))}"
+        case "too_long":
+            return f"expected at most {context['max_length']} entries, got {_length(context)}"
+        case "too_short":
+            return f"expected at least {context['min_length']} entries, got {_length(context)}"
+        case _:
+            wanted = _plain(detail)
+    return f"expected {wanted}, got {_shown(value)}"
+
+
+def _length(context: dict[str, Any]) -> Any:
+    return context["actual_length"]
 
 
 def _plain(detail: ErrorDetails) -> str:
@@ -166,7 +169,7 @@ def _plain(detail: ErrorDetails) -> str:
         ("at most", "less than or equal to"),
     ):
         words = words.replace(theirs, ours)
-    return f"expected {words}"
+    return words
 
 
 def _shown(value: Any) -> str:

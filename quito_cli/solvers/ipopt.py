@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
+import sys
 import time
 from collections.abc import Sequence
+from contextlib import redirect_stdout
 from typing import Any
 
 import casadi as ca
@@ -136,18 +139,16 @@ def solve(
         watch = _Watch(nlp, listener, interruption)
         settings = _settings(nlp, watch, tolerance, max_iterations, options)
         program = {"x": assembled.unknowns, "f": assembled.objective, "g": assembled.constraints}
-        try:
-            solver = ca.nlpsol("quito", "ipopt", program, settings)
-        except RuntimeError as error:
-            raise UsageError(f"IPOPT refuses its options: {_reason(error)}") from None
+        solver = _built(program, settings)
         built = time.perf_counter()
-        point = solver(
-            x0=nlp.guess,
-            lbx=nlp.lower,
-            ubx=nlp.upper,
-            lbg=nlp.row_lower,
-            ubg=nlp.row_upper,
-        )
+        with redirect_stdout(sys.stderr):  # our stdout is for the answer
+            point = solver(
+                x0=nlp.guess,
+                lbx=nlp.lower,
+                ubx=nlp.upper,
+                lbg=nlp.row_lower,
+                ubg=nlp.row_upper,
+            )
         solved = time.perf_counter()
     statistics = solver.stats()
     said = str(statistics.get("return_status", "unknown"))
@@ -182,7 +183,13 @@ def _history(recorded: dict[str, Any], scale: float) -> dict[str, Array]:
     return history
 
 
-def _reason(error: RuntimeError) -> str:
-    """Return the line of CasADi's message that says what is wrong."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return lines[-1] if lines else "unknown reason"
+def _built(program: dict[str, ca.MX], settings: dict[str, Any]) -> ca.Function:
+    """Return the solver; what IPOPT prints about a wrong option becomes the message."""
+    printed = io.StringIO()
+    try:
+        with redirect_stdout(printed):
+            return ca.nlpsol("quito", "ipopt", program, settings)
+    except RuntimeError as error:
+        lines = [line.strip() for line in printed.getvalue().splitlines() if line.strip()]
+        reason = lines[0] if lines else str(error).strip().splitlines()[-1].rpartition("cpp:")[2]
+        raise UsageError(f"IPOPT refuses an option: {reason.lstrip('0123456789: ')}") from None

@@ -5,8 +5,8 @@
     complementarity  largest |multiplier · distance to its bound| / s
     sign             a multiplier of a bound that does not exist counts as nothing
 
-with s = max(100, mean |λ|)/100, as in Wächter and Biegler, *Math. Program.* 106 (2006), section 2.1.
-All are of the scaled nonlinear program, like the tolerance they are compared with.
+with s = max(100, mean |λ|)/100, as in Wächter and Biegler, *Math. Program.* 106 (2006), section
+2.1. All are of the scaled nonlinear program, like the tolerance they are compared with.
 """
 
 from __future__ import annotations

@@ -52,7 +52,13 @@ class GeneratingFunction:
 def _gaussian_times(*coefficients: float) -> Callable[[Array], Array]:
     """Return x ↦ (a0 + a1 x² + a2 x⁴ + …) e^{−x²}/√π."""
     polynomial = np.polynomial.Polynomial(coefficients)
-    return lambda x: np.asarray(polynomial(x * x) * np.exp(-x * x) / math.sqrt(math.pi))
+
+    def value(x: Array) -> Array:
+        decay: Array = np.exp(-x * x) / math.sqrt(math.pi)
+        bumps: Array = polynomial(x * x)
+        return bumps * decay
+
+    return value
 
 
 def _sech(x: Array) -> Array:

@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -83,7 +84,7 @@ def script(case: Case, steps: int) -> Run:
     """Build and solve `case` on `steps` cells as a hand-written CasADi script does."""
     started = time.perf_counter()
     program, bounds = _shooting(case, steps)
-    options = {"print_time": False, "ipopt": {"print_level": 0, "sb": "yes"}}
+    options: dict[str, Any] = {"print_time": False, "ipopt": {"print_level": 0, "sb": "yes"}}
     solver = ca.nlpsol("script", "ipopt", program, options)
     built = time.perf_counter()
     found = solver(**bounds)
@@ -118,7 +119,7 @@ def _step(case: Case, h: float) -> ca.Function:
     """Return (x, u) ↦ (x, cost) one step of Kutta's classical scheme later, u held."""
     x, u = ca.SX.sym("x", case.size), ca.SX.sym("u")
 
-    def slope(at: ca.SX) -> ca.SX:
+    def slope(at: Expression) -> Expression:
         return ca.vertcat(*case.right_hand_side(at, u), case.lagrange(at))
 
     n = case.size
@@ -130,18 +131,17 @@ def _step(case: Case, h: float) -> ca.Function:
     return ca.Function("step", [x, u], [x + rise[:n], rise[n]])
 
 
-def original(case: Case, steps: int, variance: float, maximum_iterations: int = 5000) -> Run:
+def original(case: Case, steps: int, variance: float) -> Run:
     """Build and solve `case` on `steps` cells as the published QuITO 1 does."""
     started = time.perf_counter()
     opti, cost = _original_program(case, steps, variance)
     built = time.perf_counter()
-    ipopt = {"tol": 1e-9, "max_iter": maximum_iterations, "mu_strategy": "adaptive"}
-    quiet = {"print_level": 0, "sb": "yes", "hessian_approximation": "exact"}
-    opti.solver("ipopt", {"print_time": False, "ipopt": ipopt | quiet})
-    try:
+    ipopt = {"tol": 1e-9, "max_iter": 5000, "mu_strategy": "adaptive"}
+    quiet = {"print_level": 0, "sb": "yes"}
+    options: dict[str, Any] = {"print_time": False, "ipopt": ipopt | quiet}
+    opti.solver("ipopt", options)
+    with suppress(RuntimeError):  # raised where IPOPT does not converge; the statistics tell
         opti.solve()
-    except RuntimeError:  # Opti raises where IPOPT does not converge; the statistics tell
-        pass
     solved = time.perf_counter()
     said = opti.stats()
     return Run(

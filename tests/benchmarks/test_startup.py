@@ -1,0 +1,68 @@
+"""Whole processes: what the command costs beside the libraries that it cannot do without.
+
+    OMP_NUM_THREADS=1 pytest -m benchmark tests/benchmarks/test_startup.py
+
+Processes alternate (A B A B …), and medians count. The limits are those this project set itself:
+`quito --help` at most 1.5 times `import typer, rich`; `quito solve alychan --no-plot` at most 1.6
+times the import of what any such program imports, plus the solve.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from statistics import median
+
+import pytest
+from measuring import GUARD, interleaved, median_ratio, process_output, process_seconds, show
+
+ROUNDS = 15
+HELP_LIMIT = 1.5
+SOLVE_LIMIT = 1.6
+COMMAND_LINE = ("-c", "import typer, rich")
+LIBRARIES = ("-c", "import casadi, h5py, pydantic, typer, yaml")
+COMMAND = ("-m", "quito_cli")
+
+
+def _milliseconds(seconds: float) -> str:
+    return f"{1e3 * seconds:.0f}"
+
+
+@pytest.mark.benchmark
+def test_help(capsys: pytest.CaptureFixture[str]) -> None:
+    """Ratio of the process `quito --help` to the process `import typer, rich`."""
+    pairs = interleaved(
+        lambda: process_seconds(*COMMAND, "--help"), lambda: process_seconds(*COMMAND_LINE), ROUNDS
+    )
+    ratio = median_ratio(pairs)
+    rows = [
+        ["process", "median ms"],
+        ["quito --help", _milliseconds(median(p[0] for p in pairs))],
+        ["import typer, rich", _milliseconds(median(p[1] for p in pairs))],
+    ]
+    show(capsys, f"quito --help: ratio {ratio:.2f} (limit {HELP_LIMIT})", rows)
+    assert ratio <= GUARD * HELP_LIMIT
+
+
+@pytest.mark.benchmark
+def test_solve(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Ratio of the process `quito solve alychan --no-plot` to imports in a process plus the solve.
+
+    The solve is build plus solve as the command itself reports them, which leaves the reading of
+    the file, the evidence and the writing of the result to be paid from the limit.
+    """
+    solve = (*COMMAND, "solve", "alychan", "--no-plot", "-o", str(tmp_path))
+    said = json.loads(process_output(*solve, "--json"))
+    solving = said["build_seconds"] + said["solve_seconds"]
+    pairs = interleaved(
+        lambda: process_seconds(*solve), lambda: process_seconds(*LIBRARIES), ROUNDS
+    )
+    ratio = median_ratio([(ours, imports + solving) for ours, imports in pairs])
+    rows = [
+        ["process", "median ms"],
+        ["quito solve alychan --no-plot", _milliseconds(median(p[0] for p in pairs))],
+        ["import casadi, h5py, pydantic, typer, yaml", _milliseconds(median(p[1] for p in pairs))],
+        ["build and solve", _milliseconds(solving)],
+    ]
+    show(capsys, f"quito solve: ratio {ratio:.2f} (limit {SOLVE_LIMIT})", rows)
+    assert ratio <= GUARD * SOLVE_LIMIT

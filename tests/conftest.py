@@ -1,0 +1,72 @@
+"""What several test files share: problems, solves that are done once, and the reference answers."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import quito_cli as quito
+from quito_cli.problem.build import build
+from quito_cli.problem.load import load_text
+from quito_cli.problem.model import Model
+
+Array = NDArray[np.float64]
+Solve = Callable[..., quito.Solution]
+Reference = Callable[[str], tuple[dict[str, Any], dict[str, Array]]]
+
+REFERENCE = Path(__file__).parent / "reference"
+
+LQ = """
+title: Linear dynamics, quadratic cost
+time: {initial: 0, final: 1}
+states: {x: {initial: 1}}
+controls: {u: {}}
+dynamics: {x: u}
+cost: {lagrange: 0.5*(x^2 + u^2)}
+"""
+"""V(t, x) = tanh(1 − t) x²/2, so x = cosh(1−t)/cosh 1, u = −sinh(1−t)/cosh 1, λ = −u."""
+
+
+@pytest.fixture(scope="session")
+def lq() -> str:
+    """A problem with the answer x = cosh(1−t)/cosh 1, u = −sinh(1−t)/cosh 1, V = tanh(1)/2."""
+    return LQ
+
+
+@pytest.fixture(scope="session")
+def solve() -> Solve:
+    """Solve a bundled problem by name, or the text of one; the same call is done once."""
+
+    @cache
+    def solved(problem: str, options: tuple[tuple[str, Any], ...]) -> quito.Solution:
+        given = load_text(problem, "test.yaml") if "\n" in problem else problem
+        return quito.solve(given, **dict(options))
+
+    return lambda problem, **options: solved(problem, tuple(sorted(options.items())))
+
+
+@pytest.fixture(scope="session")
+def model() -> Callable[[str], Model]:
+    """Build the Model of a bundled problem, or of the text of one."""
+    return lambda problem: build(
+        load_text(problem, "test.yaml") if "\n" in problem else quito.load(problem)
+    )
+
+
+@pytest.fixture(scope="session")
+def reference() -> Reference:
+    """Return the verified answer of a bundled problem: facts, and t, x, u at 201 uniform points."""
+
+    def read(name: str) -> tuple[dict[str, Any], dict[str, Array]]:
+        facts = json.loads((REFERENCE / f"{name}.json").read_text(encoding="utf-8"))
+        with np.load(REFERENCE / f"{name}.npz") as samples:
+            return facts, {key: samples[key] for key in samples}
+
+    return read
