@@ -153,7 +153,9 @@ def solve(
     statistics = solver.stats()
     said = str(statistics.get("return_status", "unknown"))
     if said == "Invalid_Option":
-        raise UsageError("IPOPT refuses an option or its value; see the options of IPOPT")
+        raise UsageError(
+            "IPOPT refuses an option: a linear solver that is not installed, or a value out of range"
+        )
     status = STATUSES.get(said, Status.FAILED)
     found = {name: np.array(point[name]).ravel() for name in ("x", "lam_x", "lam_g")}
     if status is Status.INTERRUPTED and watch.best is not None:

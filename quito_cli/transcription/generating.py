@@ -51,14 +51,18 @@ class GeneratingFunction:
 
 def _gaussian_times(*coefficients: float) -> Callable[[Array], Array]:
     """Return x ↦ (a0 + a1 x² + a2 x⁴ + …) e^{−x²}/√π."""
-    polynomial = np.polynomial.Polynomial(coefficients)
 
     def value(x: Array) -> Array:
+        polynomial: Array = np.polynomial.polynomial.polyval(x * x, np.array(coefficients))
         decay: Array = np.exp(-x * x) / math.sqrt(math.pi)
-        bumps: Array = polynomial(x * x)
-        return bumps * decay
+        return polynomial * decay
 
     return value
+
+
+def _trigonometric(x: Array) -> Array:
+    decay: Array = np.exp(-x * x) * math.sqrt(math.e / math.pi)
+    return decay * np.cos(math.sqrt(2) * x)
 
 
 def _sech(x: Array) -> Array:
@@ -95,7 +99,7 @@ GENERATING_FUNCTIONS: dict[str, GeneratingFunction] = {
             "√(e/π) e^(−x²) cos(√2 x)",
             4,
             False,
-            lambda x: math.sqrt(math.e / math.pi) * np.exp(-x * x) * np.cos(math.sqrt(2) * x),
+            _trigonometric,
         ),
         GeneratingFunction("sech", 6, "sech(x)/π", 2, True, _sech, ghost_reach=6.0),
         GeneratingFunction(

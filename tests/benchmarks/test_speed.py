@@ -63,7 +63,7 @@ def _row(name: str, runs: list[Run]) -> list[str]:
     seconds = [[r.build_seconds for r in runs], [r.solve_seconds for r in runs]]
     seconds.append([r.seconds for r in runs])
     milliseconds = [f"{1e3 * median(values):.1f}" for values in seconds]
-    return [name, *milliseconds, str(runs[-1].iterations), f"{runs[-1].cost:.9f}"]
+    return [name, *milliseconds, str(runs[-1].iterations), f"{runs[-1].cost:.7g}"]
 
 
 def _table(ours: list[tuple[Run, float]], name: str, theirs: list[Run]) -> Iterator[list[str]]:

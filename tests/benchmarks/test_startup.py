@@ -9,12 +9,13 @@ times the import of what any such program imports, plus the solve.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from statistics import median
 
 import pytest
-from measuring import GUARD, interleaved, median_ratio, process_output, process_seconds, show
+from measuring import GUARD, interleaved, median_ratio, process_seconds, show
+
+import quito_cli as quito
 
 ROUNDS = 15
 HELP_LIMIT = 1.5
@@ -22,6 +23,13 @@ SOLVE_LIMIT = 1.6
 COMMAND_LINE = ("-c", "import typer, rich")
 LIBRARIES = ("-c", "import casadi, h5py, pydantic, typer, yaml")
 COMMAND = ("-m", "quito_cli")
+
+
+def _solve_seconds() -> float:
+    """Return build plus solve of Aly–Chan, everything loaded, in the median."""
+    problem = quito.load("alychan")
+    solutions = [quito.solve(problem) for _ in range(ROUNDS)]
+    return median(s.statistics.build_seconds + s.statistics.solve_seconds for s in solutions)
 
 
 def _milliseconds(seconds: float) -> str:
@@ -48,12 +56,11 @@ def test_help(capsys: pytest.CaptureFixture[str]) -> None:
 def test_solve(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Ratio of the process `quito solve alychan --no-plot` to imports in a process plus the solve.
 
-    The solve is build plus solve as the command itself reports them, which leaves the reading of
-    the file, the evidence and the writing of the result to be paid from the limit.
+    The solve is build plus solve in a process that has everything loaded, which leaves the reading
+    of the file, the evidence and the writing of the result to be paid from the limit.
     """
     solve = (*COMMAND, "solve", "alychan", "--no-plot", "-o", str(tmp_path))
-    said = json.loads(process_output(*solve, "--json"))
-    solving = said["build_seconds"] + said["solve_seconds"]
+    solving = _solve_seconds()
     pairs = interleaved(
         lambda: process_seconds(*solve), lambda: process_seconds(*LIBRARIES), ROUNDS
     )
