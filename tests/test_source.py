@@ -17,9 +17,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from quito_cli.errors import UsageError
-from quito_cli.problem import source as source_module
-from quito_cli.problem.complaints import Complaint, ProblemError, suggest
-from quito_cli.problem.source import Position, Source, read
+from quito_cli.problem import strict_yaml
+from quito_cli.problem.complaints import Complaint, Position, ProblemError, suggest
+from quito_cli.problem.source import Source
+from quito_cli.problem.strict_yaml import read
 
 LOADERS: list[type] = [yaml.SafeLoader]
 if hasattr(yaml, "CSafeLoader"):
@@ -29,7 +30,7 @@ if hasattr(yaml, "CSafeLoader"):
 @pytest.fixture(params=LOADERS, ids=lambda loader: str(loader.__name__))
 def parser(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Both parsers of PyYAML: they differ in words and, here and there, in marks."""
-    monkeypatch.setattr(source_module, "_LOADER", request.param)
+    monkeypatch.setattr(strict_yaml, "_LOADER", request.param)
 
 
 def refusal(text: str) -> ProblemError:

@@ -29,8 +29,14 @@ def build(problem: Problem) -> Model:
     """
     model, complaints = try_build(problem)
     if complaints:
-        raise ProblemError(complaints, problem.file)
+        raise ProblemError(complaints, problem.file, set_values(problem.changes))
     return model
+
+
+def set_values(changes: tuple[tuple[str, str], ...]) -> str:
+    """Return a heading for complaints that may come from values set beside the file."""
+    pairs = ", ".join(f"{name}={value}" for name, value in changes)
+    return f"with {pairs} set:" if pairs else ""
 
 
 def try_build(problem: Problem, poisoned: Iterable[str] = ()) -> tuple[Model, list[Complaint]]:

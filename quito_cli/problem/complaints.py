@@ -71,19 +71,22 @@ class ProblemError(UsageError):
     built in Python has none, and its complaints name the path instead.
     """
 
-    def __init__(self, complaints: Iterable[Complaint], source: Locator | None) -> None:
+    def __init__(
+        self, complaints: Iterable[Complaint], source: Locator | None, note: str = ""
+    ) -> None:
         located = [_located(complaint, source) for complaint in complaints]
         self.complaints = tuple(sorted(located, key=_order))
         self.source = source
         blocks = [_shown(complaint, source) for complaint in self.complaints[:_PRINTED]]
         if len(self.complaints) > _PRINTED:
             blocks.append(f"... and {len(self.complaints) - _PRINTED} more")
-        super().__init__("\n".join(blocks))
+        self.note = note
+        super().__init__("\n".join([note, *blocks] if note else blocks))
 
     def __reduce__(self) -> tuple[object, ...]:
         # Workers of a batch hand their errors back pickled, and an exception's own way passes on
         # the message alone.
-        return type(self), (self.complaints, self.source)
+        return type(self), (self.complaints, self.source, self.note)
 
 
 def suggest(name: str, known: Iterable[str]) -> str:

@@ -12,7 +12,7 @@ from quito_cli.errors import UsageError
 from quito_cli.problem.complaints import suggest
 from quito_cli.problem.library import bundled
 from quito_cli.problem.schema import Problem
-from quito_cli.problem.source import read
+from quito_cli.problem.strict_yaml import read
 from quito_cli.problem.validate import validate
 
 SETTABLE = ("time", "states", "controls", "constants")
@@ -63,9 +63,8 @@ def changed(problem: Problem, changes: Mapping[str, str | float]) -> Problem:
     source = replace(file, data=data) if file else read(problem.text, problem.name)
     if not file:
         source = replace(source, data=data)
-    made = validate(source, problem.name)
-    made._changes = problem.changes + tuple((key, str(value)) for key, value in changes.items())
-    return made
+    made = tuple((key, str(value)) for key, value in changes.items())
+    return validate(source, problem.name, problem.changes + made)
 
 
 def find(where: str | Path) -> Path:

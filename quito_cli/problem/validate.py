@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from quito_cli.problem.build import try_build
+from quito_cli.problem.build import set_values, try_build
 from quito_cli.problem.complaints import Complaint, ProblemError, suggest
 from quito_cli.problem.schema import Problem
 from quito_cli.problem.source import Source
@@ -35,18 +35,20 @@ _MISSING = {
 }
 
 
-def validate(source: Source, name: str) -> Problem:
-    """Return the Problem in `source`.
+def validate(source: Source, name: str, changes: tuple[tuple[str, str], ...] = ()) -> Problem:
+    """Return the Problem in `source`, whose data has `changes` in it already.
 
     Raises:
         ProblemError: with every mistake of structure, and of formulas as far as they can be read.
     """
     try:
-        return _named(Problem.model_validate(source.data), source, name)
+        problem = _named(Problem.model_validate(source.data), source, name)
+        problem._changes = changes
+        return problem
     except ValidationError as error:
         details = error.errors()
-    complaints = [_complaint(detail, source.data) for detail in details]
-    raise ProblemError(complaints + _beyond(details, source, name), source)
+    complaints = [_complaint(detail) for detail in details]
+    raise ProblemError(complaints + _beyond(details, source, name), source, set_values(changes))
 
 
 def _named(problem: Problem, source: Source, name: str) -> Problem:
@@ -60,7 +62,7 @@ def _beyond(details: list[ErrorDetails], source: Source, name: str) -> list[Comp
     data = copy.deepcopy(source.data)
     poisoned: set[str] = set()
     for detail in details:
-        path = real_path(detail["loc"], source.data)
+        path = _real_path(detail["loc"])
         if len(path) > 1 and path[0] in ("constants", "states", "controls"):
             poisoned.add(str(path[1]))
         if detail["type"] != "missing" and path:
@@ -114,21 +116,22 @@ def _meant(path: Path, present: dict[str, Any]) -> str | None:
     return next((key for key in candidates if f"'{key}'" in hint), None)
 
 
-def real_path(location: tuple[str | int, ...], data: Any) -> Path:
+def _real_path(location: tuple[str | int, ...]) -> Path:
     """Return pydantic's location without the tags of alternatives, which start with '='."""
     return tuple(step for step in location if not (isinstance(step, str) and step.startswith("=")))
 
 
-def _complaint(detail: ErrorDetails, data: Any) -> Complaint:
-    path, kind = real_path(detail["loc"], data), detail["type"]
+def _complaint(detail: ErrorDetails) -> Complaint:
+    path, kind = _real_path(detail["loc"]), detail["type"]
     if kind == "extra_forbidden":
         hint = suggest(str(path[-1]), _known_keys(path))
         known = "" if hint else f"; known here: {', '.join(_known_keys(path))}"
-        return Complaint(path, f"unknown key '{path[-1]}'{hint}{known}", key=True)
+        message = f"unknown key '{path[-1]}'{hint}{known}"
+        return Complaint(path, message, length=len(str(path[-1])), key=True)
     if kind == "missing":
         key = str(path[-1])
-        message = _MISSING.get(key) if len(path) == 1 else None
-        return Complaint(path[:-1], message or f"`{key}` is missing here", key=len(path) > 1)
+        told = _MISSING.get(key, "") if len(path) == 1 else ""
+        return Complaint(path[:-1], told or f"`{key}` is missing here", key=len(path) > 1)
     return Complaint(path, expected(detail, path))
 
 

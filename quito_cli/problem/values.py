@@ -40,7 +40,8 @@ class Reader:
 
     def complain(self, path: Path, message: str, *, key: bool = False) -> None:
         """Note a mistake at `path`."""
-        self.complaints.append(Complaint(path, message, key=key))
+        length = len(str(path[-1])) if key else 1
+        self.complaints.append(Complaint(path, message, length=length, key=key))
 
     def poison(self, name: str) -> None:
         """Say no more about whatever depends on `name`."""

@@ -154,7 +154,7 @@ def solve(
     said = str(statistics.get("return_status", "unknown"))
     if said == "Invalid_Option":
         raise UsageError(
-            "IPOPT refuses an option: a linear solver that is not installed, or a value out of range"
+            "IPOPT refuses an option: a linear solver that is not there, or a value out of range"
         )
     status = STATUSES.get(said, Status.FAILED)
     found = {name: np.array(point[name]).ravel() for name in ("x", "lam_x", "lam_g")}

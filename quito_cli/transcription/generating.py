@@ -66,7 +66,7 @@ def _trigonometric(x: Array) -> Array:
 
 
 def _sech(x: Array) -> Array:
-    decay = np.exp(-np.abs(x))  # 2/(e^x + e^-x) without overflow
+    decay: Array = np.exp(-np.abs(x))  # 2/(e^x + e^-x) without overflow
     return 2 * decay / (1 + decay * decay) / math.pi
 
 
