@@ -57,6 +57,7 @@ app.command("schema")(schema)
 
 def main() -> None:
     """Run the command line; errors become messages and exit codes, never tracebacks."""
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # looking for them takes long
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a narrow locale must not turn output into a crash
             stream.reconfigure(errors="replace")

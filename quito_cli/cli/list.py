@@ -39,14 +39,10 @@ def list_problems(
     if as_json:
         typer.echo(json.dumps({"problems": rows}, ensure_ascii=False))
         return
-    from rich.table import Table
+    from quito_cli.cli.text import columns
 
-    from quito_cli.cli.console import console
-
-    table = Table("name", "states", "controls", "reference", "title", box=None, header_style="dim")
-    for row in rows:
-        table.add_row(*(str(value) for value in row.values()))
-    console().print(table)
+    table = [tuple(rows[0]), *(tuple(str(value) for value in row.values()) for row in rows)]
+    typer.echo(columns(table, indent="", header=True))
 
 
 def _what_is_known(cost: bool, control: bool) -> str:

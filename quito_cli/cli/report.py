@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from rich.table import Table
-from rich.text import Text
+import typer
 
-from quito_cli.cli.console import console
-from quito_cli.solution.solution import Solution
+from quito_cli.cli.text import columns, labelled
+
+if TYPE_CHECKING:
+    from quito_cli.solution.solution import Solution
 
 _MOST_VIOLATIONS = 12
 
@@ -67,64 +68,63 @@ def print_solution(
     solution: Solution, *, verbose: bool, files: tuple[Path | None, ...] = ()
 ) -> None:
     """Print the summary with its evidence."""
-    out = console()
-    colour = "green" if solution.success else "red"
-    word = "Solved." if solution.success else "Not solved."
-    title = solution.origin.title or solution.origin.name
-    out.print(Text(title, style="bold"))
-    out.print(Text.assemble((word, f"bold {colour}"), f" {solution.status.value}"))
-    for sentence in solution.evidence.diagnosis:
-        out.print(Text(f"  {sentence}"))
-    out.print()
-    out.print(_figures(solution))
+    good = solution.success
+    word = typer.style(
+        "Solved." if good else "Not solved.", bold=True, fg="green" if good else "red"
+    )
+    paragraphs = [
+        typer.style(solution.origin.title or solution.origin.name, bold=True)
+        + f"\n{word} {solution.status.value}"
+        + "".join(f"\n  {sentence}" for sentence in solution.evidence.diagnosis),
+        labelled(_figures(solution)),
+    ]
     if verbose:
-        out.print()
-        out.print(_all_violations(solution))
-        out.print()
-        out.print(_options(solution))
-    for warning in solution.evidence.warnings:
-        out.print(Text.assemble(("Warning: ", "bold yellow"), warning))
+        paragraphs += [_all_violations(solution), labelled(_options(solution))]
+    if solution.evidence.warnings:
+        mark = typer.style("Warning:", bold=True, fg="yellow")
+        paragraphs.append("\n".join(f"{mark} {text}" for text in solution.evidence.warnings))
     written = [str(path) for path in files if path is not None]
     if written:
-        out.print()
-        out.print(Text("Saved " + " and ".join(written)))
+        paragraphs.append(f"Saved {' and '.join(written)}")
+    typer.echo("\n\n".join(paragraphs))
 
 
-def _figures(solution: Solution) -> Table:
-    evidence, statistics, options = solution.evidence, solution.statistics, solution.options
-    table = Table.grid(padding=(0, 2))
-    table.add_column(style="dim")
-    table.add_column()
-    table.add_row("  cost", _cost(solution))
+def _figures(solution: Solution) -> list[tuple[str, str]]:
+    evidence, statistics = solution.evidence, solution.statistics
     iterations = "unknown" if statistics.iterations is None else str(statistics.iterations)
-    table.add_row(
-        "  iterations",
+    times = (
         f"{iterations}, built in {_seconds(statistics.build_seconds)}, "
-        f"solved in {_seconds(statistics.solve_seconds)}",
+        f"solved in {_seconds(statistics.solve_seconds)}"
     )
-    table.add_row("  method", _method(options))
-    changes = ", ".join(f"{name} = {value}" for name, value in solution.origin.changes)
-    if changes:
-        table.add_row("  set", changes)
+    rows = [
+        ("cost", _cost(solution)),
+        ("iterations", times),
+        ("method", _method(solution.options)),
+    ]
+    if solution.origin.changes:
+        changes = (f"{name} = {value}" for name, value in solution.origin.changes)
+        rows.append(("set", ", ".join(changes)))
     largest = max(evidence.stationarity, evidence.feasibility, evidence.complementarity)
     judged = f"judged at {10 * evidence.tolerance:.0e}"
-    table.add_row("  residuals", f"{largest:.1e} first-order and feasibility, {judged}")
-    table.add_row(
-        "  re-simulated",
+    again = (
         f"cost {evidence.resimulated_cost:.9g}, states within {evidence.resimulation_gap:.1e} "
-        "of their size",
+        "of their size"
     )
+    rows += [
+        ("residuals", f"{largest:.1e} first-order and feasibility, {judged}"),
+        ("re-simulated", again),
+    ]
     if any(violation.constraint.startswith("final(") for violation in evidence.violations):
-        table.add_row("", f"final conditions within {evidence.terminal_gap:.1e}")
-    table.add_row("  violation", _violation(solution))
+        rows.append(("", f"final conditions within {evidence.terminal_gap:.1e}"))
+    rows.append(("violation", _violation(solution)))
     names = [quantity.name for quantity in solution.origin.controls]
     for label, values in (
-        ("  total variation", evidence.total_variation),
-        ("  ringing index", evidence.ringing),
+        ("total variation", evidence.total_variation),
+        ("ringing index", evidence.ringing),
     ):
         pairs = zip(names, values, strict=True)
-        table.add_row(label, ", ".join(f"{name} {value:.3g}" for name, value in pairs))
-    return table
+        rows.append((label, ", ".join(f"{name} {value:.3g}" for name, value in pairs)))
+    return rows
 
 
 def _cost(solution: Solution) -> str:
@@ -152,26 +152,24 @@ def _violation(solution: Solution) -> str:
     return f"at most {worst[0].amount:.1e}: {worst[0].constraint} at t = {worst[0].time:.5g}"
 
 
-def _all_violations(solution: Solution) -> Table:
-    table = Table("condition", "worst at t", "violated by", box=None, header_style="dim")
+def _all_violations(solution: Solution) -> str:
+    rows = [("condition", "worst at t", "violated by")]
     found = solution.evidence.violations
     for violation in found[:_MOST_VIOLATIONS]:
         amount = f"{violation.amount:.2e}" if violation.amount > 0 else "holds"
-        table.add_row(violation.constraint, f"{violation.time:.6g}", amount)
+        rows.append((violation.constraint, f"{violation.time:.6g}", amount))
     if len(found) > _MOST_VIOLATIONS:
-        table.add_row(f"and {len(found) - _MOST_VIOLATIONS} less violated", "", "")
-    return table
+        rows.append((f"and {len(found) - _MOST_VIOLATIONS} less violated", "", ""))
+    return columns(rows, header=True)
 
 
-def _options(solution: Solution) -> Table:
-    table = Table.grid(padding=(0, 2))
-    for name, value in solution.options.items():
-        table.add_row(Text(f"  {name.replace('_', '-')}", style="dim"), str(value))
+def _options(solution: Solution) -> list[tuple[str, str]]:
     statistics = solution.statistics
-    size = f"{statistics.unknowns} unknowns, {statistics.constraints} constraints"
-    table.add_row(Text("  program", style="dim"), size)
-    table.add_row(Text("  solver", style="dim"), f"{statistics.solver}: {statistics.solver_said}")
-    return table
+    return [
+        *((name.replace("_", "-"), str(value)) for name, value in solution.options.items()),
+        ("program", f"{statistics.unknowns} unknowns, {statistics.constraints} constraints"),
+        ("solver", f"{statistics.solver}: {statistics.solver_said}"),
+    ]
 
 
 def _seconds(seconds: float) -> str:

@@ -45,14 +45,6 @@ def _show_problem(where: str, as_json: bool) -> None:
         data = problem.model_dump(mode="json", exclude_unset=True)
         typer.echo(json.dumps(data, ensure_ascii=False))
         return
-    from rich.text import Text
-
-    from quito_cli.cli.console import console
-
-    out = console()
-    out.print(Text(problem.title or problem.name, style="bold"))
-    for note in (problem.source, problem.description):
-        if note:
-            out.print(Text(note.strip()))
-    out.print()
-    out.print(Text(problem.text.strip()))
+    heading = [typer.style(problem.title or problem.name, bold=True)]
+    notes = [note.strip() for note in (problem.source, problem.description) if note]
+    typer.echo("\n".join(heading + notes) + f"\n\n{problem.text.strip()}")

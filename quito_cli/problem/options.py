@@ -30,9 +30,7 @@ def _name_of_number(value: Any) -> Any:
 class RequestedOptions(BaseModel):
     """What a call or a command line may ask for, each with its meaning."""
 
-    model_config = ConfigDict(
-        extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False
-    )
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
     steps: Annotated[int | None, Field(ge=1, strict=True)] = None
     """Number N of control cells."""

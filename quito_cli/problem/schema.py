@@ -45,7 +45,8 @@ Expression = Annotated[Number | Formula, Discriminator(_kind)]
 class Strict(BaseModel):
     """A mapping of the file: frozen, no unknown keys."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    # Not built one by one: only Problem's validator, which holds all others, is ever used.
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
 
 class Range(Strict):

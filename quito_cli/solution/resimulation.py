@@ -42,6 +42,10 @@ MOST_IN_ALL = 400_000
 """Steps over the horizon at most, as long as that is two a substep."""
 
 
+_AT_A_TIME = 2048
+"""Steps taken in one call; a longer chain takes long to build."""
+
+
 @dataclass(frozen=True)
 class Control:
     """û(t) of an answer, cell by cell."""
@@ -146,8 +150,14 @@ def _integrate(
     cells, places = mesh.points(begins)
     t = times[0] + horizon * (mesh.fractions[cells] + places * mesh.steps[cells])
     stages = u.reshape(count, len(_C), -1).transpose(2, 0, 1).reshape(u.shape[1], -1)
-    found = step.mapaccum(count)(
-        np.append(start, 0.0), stages, np.vstack([t, h]), np.tile(parameters[:, None], (1, count))
-    )
-    ends = np.array(found).T[finer - 1 :: finer]
-    return np.vstack([np.append(start, 0.0), ends])
+    p = np.tile(parameters[:, None], (1, count))
+    y = np.append(start, 0.0)
+    found, many = [y[:, None]], step.mapaccum(min(count, _AT_A_TIME))
+    for first in range(0, count, _AT_A_TIME):
+        part = slice(first, first + _AT_A_TIME)
+        size = len(t[part])
+        run = many if size == min(count, _AT_A_TIME) else step.mapaccum(size)
+        columns = slice(first * len(_C), (first + size) * len(_C))
+        found.append(np.array(run(y, stages[:, columns], np.vstack([t, h])[:, part], p[:, part])))
+        y = found[-1][:, -1]
+    return np.hstack(found).T[::finer]

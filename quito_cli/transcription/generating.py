@@ -53,7 +53,9 @@ def _gaussian_times(*coefficients: float) -> Callable[[Array], Array]:
     """Return x ↦ (a0 + a1 x² + a2 x⁴ + …) e^{−x²}/√π."""
 
     def value(x: Array) -> Array:
-        polynomial: Array = np.polynomial.polynomial.polyval(x * x, np.array(coefficients))
+        polynomial = np.zeros_like(x)
+        for coefficient in reversed(coefficients):
+            polynomial = coefficient + x * x * polynomial
         decay: Array = np.exp(-x * x) / math.sqrt(math.pi)
         return polynomial * decay
 

@@ -83,7 +83,8 @@ class Term:
 
     function: ca.Function
     """SX function (z, θ) ↦ y."""
-    gather: Gather
+    gather: ca.DM
+    """S, (n_z · count, unknowns)."""
     parameters: Array
     """θ, (n_θ, count)."""
     rows: Indices
@@ -94,7 +95,7 @@ class Term:
     @property
     def count(self) -> int:
         """Number of places."""
-        return self.gather.count
+        return int(self.parameters.shape[1])
 
     @cached_property
     def local(self) -> LocalDerivatives:
@@ -181,7 +182,7 @@ def assemble(terms: tuple[Term, ...], unknowns: int, rows: int) -> Assembled:
     hessian = ca.MX(unknowns, unknowns)
     for term in terms:
         count, local = term.count, term.local
-        S, P, c = ca.MX(term.gather.matrix(unknowns)), ca.MX(term.scatter(rows)), term.weights
+        S, P, c = ca.MX(term.gather), ca.MX(term.scatter(rows)), term.weights
         Z = ca.reshape(S @ w, -1, count)
         theta = ca.MX(ca.DM(term.parameters))
         Y = term.function.map(count)(Z, theta)

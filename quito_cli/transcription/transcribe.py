@@ -109,7 +109,7 @@ def transcribe(model: Model, method: Discretization, objective_scale: float | No
         term, block = _control_rows(model, method, layout, bounded, dynamics.count)
         terms.append(term)
         blocks.append(block)
-    scale = objective_scale or COST_SIZE / max(1.0, _cost_at(terms, guess, layout.size))
+    scale = objective_scale or COST_SIZE / max(1.0, _cost_at(terms, guess))
     terms = [replace(term, weights=scale * term.weights) for term in terms]
     return Nlp(
         assemble(tuple(terms), layout.size, sum(block.count for block in blocks)),
@@ -120,9 +120,7 @@ def transcribe(model: Model, method: Discretization, objective_scale: float | No
         np.concatenate([np.tile(block.upper, len(block.fractions)) for block in blocks]),
         tuple(blocks),
         scale,
-        Transcription(
-            model, method, layout, cell, cells.gather.matrix(layout.size), cells.parameters
-        ),
+        Transcription(model, method, layout, cell, cells.gather, cells.parameters),
     )
 
 
@@ -140,7 +138,7 @@ def _cell_term(
     in_cost[-1] = 0.0 if model.lagrange.is_zero() else 1.0
     term = Term(
         cell.terms,
-        _cell_gather(model, method, layout),
+        _cell_gather(model, method, layout).matrix(layout.size),
         np.vstack([mesh.fractions[:-1], mesh.steps]),
         np.vstack([rows, np.full((1, mesh.cells), NOWHERE)]),
         in_cost,
@@ -183,7 +181,8 @@ def _end_term(model: Model, layout: Layout) -> Term:
     ends = np.array([[0, layout.cells]])
     gather.take(layout.shared + np.arange(2 * model.n_x), layout.node(ends).reshape(1, -1))
     function = ca.Function("end", [z, ca.SX.sym("theta", 0)], [cost])
-    return Term(function, gather, np.zeros((0, 1)), np.array([[NOWHERE]]), np.array([[1.0]]))
+    S = gather.matrix(layout.size)
+    return Term(function, S, np.zeros((0, 1)), np.array([[NOWHERE]]), np.array([[1.0]]))
 
 
 def _control_rows(
@@ -211,7 +210,8 @@ def _control_rows(
     z = ca.SX.sym("z", len(names))
     function = ca.Function("control", [z, ca.SX.sym("theta", 0)], [z])
     weights_in_cost = np.zeros((len(names), len(cells)))
-    return Term(function, gather, np.zeros((0, len(cells))), block.indices, weights_in_cost), block
+    S = gather.matrix(layout.size)
+    return Term(function, S, np.zeros((0, len(cells))), block.indices, weights_in_cost), block
 
 
 def _bounds(model: Model, method: Discretization, layout: Layout) -> tuple[Array, Array]:
@@ -230,12 +230,12 @@ def _bounds(model: Model, method: Discretization, layout: Layout) -> tuple[Array
     return sides[0], sides[1]
 
 
-def _cost_at(terms: list[Term], w: Array, unknowns: int) -> float:
+def _cost_at(terms: list[Term], w: Array) -> float:
     """Return the size of the cost at `w`; 0 where it is not finite."""
     total = 0.0
     for term in terms:
         if term.in_objective:
-            z = np.array(term.gather.matrix(unknowns) @ w).reshape(term.count, -1).T
+            z = np.array(term.gather @ w).reshape(term.count, -1).T
             y = np.array(term.function.map(term.count)(z, term.parameters))
             total += float((term.weights * y).sum())
     return abs(total) if np.isfinite(total) else 0.0
