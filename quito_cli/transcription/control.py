@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.transcription.generating import GeneratingFunction, reach
+from quito_cli.transcription.generating import GHOST_REACH, GeneratingFunction, reach
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -43,7 +43,7 @@ class ControlBasis:
     @property
     def ghosts(self) -> int:
         """Nodes p beyond each end."""
-        return math.ceil(self.function.ghost_reach * math.sqrt(self._spread))
+        return math.ceil(GHOST_REACH * math.sqrt(self.variance)) if self.function.scaled else 0
 
     @property
     def count(self) -> int:
