@@ -93,6 +93,8 @@ def solve(
         UsageError: a wrong option, or no such problem.
         ProblemError: mistakes in the problem file, all of them told.
     """
+    import casadi  # noqa: F401 - before the clock starts
+
     from quito_cli.problem.build import build
     from quito_cli.problem.load import changed, load
     from quito_cli.solution.extract import extract

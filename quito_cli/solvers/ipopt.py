@@ -61,7 +61,7 @@ class _Watch(ca.Callback):
             "lam_p": 0,
         }
         self._iteration = 0
-        self.best: tuple[tuple[float, float], dict[str, Array]] | None = None
+        self.best: tuple[tuple[float, float], dict[str, ca.DM]] | None = None
         self.construct("watch", {})
 
     def get_n_in(self) -> int:
@@ -87,8 +87,7 @@ class _Watch(ca.Callback):
         violation = float(np.max(rows, initial=0.0))
         merit = (0.0, f) if violation <= FEASIBLE else (violation, f)
         if self.best is None or merit < self.best[0]:
-            names = {"x": "x", "lam_x": "lam_x", "lam_g": "lam_g"}
-            self.best = merit, {name: np.array(point[name]).ravel() for name in names}
+            self.best = merit, point
         if self._listener is not None:
             cost = f / self._nlp.objective_scale
             self._listener(Progress(self._iteration, cost, violation))
@@ -157,9 +156,9 @@ def solve(
             "IPOPT refuses an option: a linear solver that is not there, or a value out of range"
         )
     status = STATUSES.get(said, Status.FAILED)
-    found = {name: np.array(point[name]).ravel() for name in ("x", "lam_x", "lam_g")}
     if status is Status.INTERRUPTED and watch.best is not None:
-        found = watch.best[1]
+        point = watch.best[1]
+    found = {name: np.array(point[name]).ravel() for name in ("x", "lam_x", "lam_g")}
     return Outcome(
         status,
         found["x"],

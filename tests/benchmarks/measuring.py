@@ -46,27 +46,34 @@ def median_ratio(pairs: Sequence[tuple[float, float]]) -> float:
     return median(a / b for a, b in pairs)
 
 
-def process_seconds(*arguments: str) -> float:
+def process_seconds(*arguments: str, bytecode: Path) -> float:
     """Return the wall-clock time of one Python process, from its start to its end.
 
     Args:
         *arguments: of the interpreter.
+        bytecode: folder that compiled modules are kept in, for the package as well as for the
+            libraries, as an installed package has them.
     """
     started = time.perf_counter()
-    process_output(*arguments)
+    process_output(*arguments, bytecode=bytecode)
     return time.perf_counter() - started
 
 
-def process_output(*arguments: str) -> str:
+def process_output(*arguments: str, bytecode: Path | None = None) -> str:
     """Return what a Python process prints, started where the package is found.
 
     Args:
         *arguments: of the interpreter.
+        bytecode: folder that compiled modules are kept in; None leaves that to the environment.
     """
+    environment = os.environ | SINGLE_THREADED
+    if bytecode is not None:
+        environment.pop("PYTHONDONTWRITEBYTECODE", None)
+        environment["PYTHONPYCACHEPREFIX"] = str(bytecode)
     done = subprocess.run(
         [sys.executable, *arguments],
         cwd=ROOT,
-        env=os.environ | SINGLE_THREADED,
+        env=environment,
         capture_output=True,
         text=True,
         check=False,
