@@ -27,6 +27,7 @@ from quito_cli.problem.expressions import (
     parse_comparison,
 )
 from quito_cli.problem.functions import FUNCTIONS
+from quito_cli.problem.tables import TableData
 
 if TYPE_CHECKING:
     from casadi import SX
@@ -50,8 +51,14 @@ def scope() -> dict[str, SX]:
     }
 
 
+TABLES = {
+    "wind": TableData("wind", np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 4.0]), "cubic"),
+    "gust": TableData("gust", np.array([0.0, 1.0]), np.array([2.0, 4.0]), "linear"),
+}
+
+
 def number(text: str) -> object:
-    return constant(parse(text), scope())
+    return constant(parse(text), scope(), tables=TABLES)
 
 
 def complaint(text: str, read: Callable[[str], object] = number) -> tuple[str, str]:
@@ -106,6 +113,8 @@ VALUES: dict[str, float] = {
     "max(3, 1, 2)": 3.0,
     "min(v)": -4.0,
     "max(transpose(w))": 3.0,
+    "interpolate(a, wind)": 0.25,
+    "1 + interpolate(2*a^2, gust)*interpolate(interpolate(a, wind), gust)": 8.5,
     "dot(v, [1, 2])": -5.0,
     "dot(v, A @ v)": 3 * (3 - 8) - 4 * (9 - 16),
     "norm(v)": 5.0,
@@ -162,6 +171,8 @@ ARRAYS: dict[str, list[object]] = {
     "abs(v)": [3, 4],
     "min(v, 0)": [0, -4],
     "max(v, [1, 1], 2)": [3, 2],
+    "interpolate([1, 2]/2, wind)": [0.25, 1],
+    "interpolate(A, gust)": [[4, 6], [8, 10]],
     "atan2(v, 1)": [math.atan2(3, 1), math.atan2(-4, 1)],
     "if_else(a > 1, v, 0)": [0, 0],
     "cross(w, [0, 0, 1])": [2, -1, 0],
@@ -224,6 +235,25 @@ def test_names_and_functions_in_order() -> None:
     assert expression.names == ("u", "x1", "x2", "x")
     assert expression.functions == ("sin", "final", "cos")
     assert expression.source == expression.text
+
+
+def test_tables_are_not_among_the_names() -> None:
+    expression = parse("interpolate(t + interpolate(x1, gust), wind)*mu - interpolate(u, gust)")
+    assert expression.names == ("t", "x1", "mu", "u")
+    assert expression.tables == ("wind", "gust")
+    assert expression.functions == ("interpolate",)
+    assert parse("wind*2").names == ("wind",)
+    assert parse("2*x1").tables == ()
+    sides = parse_comparison("interpolate(t, wind) <= x1").sides
+    assert [side.tables for side in sides] == [("wind",), ()]
+
+
+def test_table_has_no_value_at_an_end() -> None:
+    def read(text: str) -> SX:
+        return evaluate(parse(text), scope(), initial={}, final={}, tables=TABLES)
+
+    message = "'wind' has no final value: it is not a state"
+    assert complaint("final(wind)", read) == (message, "wind")
 
 
 def test_expression_can_be_copied_and_pickled() -> None:
@@ -302,6 +332,7 @@ LOOP = "is a Python keyword: there are no loops or comprehensions here"
 KEYWORD = "is a Python keyword and has no meaning here"
 PLACE = "a comparison can only stand in the condition of if_else"
 CONDITION = "the condition of if_else is a comparison, such as x > 0"
+TABLE = "interpolate(x, table) takes the name of a table here, and nothing else"
 INDEX = "an index is a whole number written out, counted from 0"
 ASCII = "is not allowed: names and numbers are plain ASCII"
 COMMA = "a decimal comma is not understood: write a decimal point"
@@ -429,6 +460,27 @@ COMPLAINTS: dict[str, tuple[str, str]] = {
         "initial(x1)",
     ),
     "final(x[0])": ("final() takes a name alone, as in final(t) or final(x)[0]", "final(x[0])"),
+    # tables
+    "a*interpolate(a, wnd)": ("'wnd' is no table; did you mean 'wind'?", "wnd"),
+    "interpolate(a, mu)": ("'mu' is no table", "mu"),
+    "interpolate(wind, a)": ("'wind' is a table: write interpolate(x, wind)", "wind"),
+    "2*wind^2": ("'wind' is a table: write interpolate(x, wind)", "wind"),
+    "2*wnd^2": ("unknown name 'wnd'; did you mean 'wind'?", "wnd"),
+    "interpolate(a, 2*wind)": (TABLE, "2*wind"),
+    "interpolate(a, [1, 2])": (TABLE, "[1, 2]"),
+    "interpolate(a, w[0])": (TABLE, "w[0]"),
+    "interpolate(a, a > 1)": (TABLE, "a > 1"),
+    "interpolate(a, 'wind')": (QUOTED, "'"),
+    "interpolate(a > 1, wind)": (PLACE, "a > 1"),
+    "interpolate()": ("interpolate takes 2 arguments, not 0", "interpolate()"),
+    "interpolate(a)": ("interpolate takes 2 arguments, not 1", "interpolate(a)"),
+    "interpolate(a, wind, 1)": ("interpolate takes 2 arguments, not 3", "interpolate(a, wind, 1)"),
+    "interpolat(a, wind)": (
+        "'interpolat' is not a function; did you mean 'interpolate'?",
+        "interpolat",
+    ),
+    "interpolate + 1": ("'interpolate' is a function: write interpolate(...)", "interpolate"),
+    "interpolate(x1, wind)": ("a constant is expected, and 'x1' is none", "x1"),
     # shapes
     "A @ w": ("A @ w: 2x2 times 3x1", "A @ w"),
     "1 + A*v": ("A*v: 2x2 times 2x1: the product of matrices is written '@'", "A*v"),
@@ -550,6 +602,10 @@ def test_work_is_capped() -> None:
     assert complaint("inv(S)", read)[0] == f"inv {symbols}"
     assert complaint("solve(S, S)", read)[0] == f"solve {symbols}"
     assert complaint("inv(N)", read)[0] == "inv takes matrices of numbers up to 50x50, not 51x51"
+    places = np.arange(1000.0)
+    table = {"long": TableData("long", places, places, "cubic")}
+    text = "interpolate(l, long)"
+    assert complaint(text, lambda given: evaluate(parse(given), big, tables=table))[0] == large
     assert time.perf_counter() - start < 3.0
 
 
@@ -566,6 +622,7 @@ def test_valid_name(name: str) -> None:
         ("pi", "'pi' is reserved: it is a known constant"),
         ("initial", "'initial' is the name of a function"),
         ("sin", "'sin' is the name of a function"),
+        ("interpolate", "'interpolate' is the name of a function"),
         ("lambda", "'lambda' is a Python keyword"),
         ("not", "'not' is a Python keyword"),
         ("None", "'None' is a Python keyword"),

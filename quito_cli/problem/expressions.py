@@ -17,9 +17,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import reduce
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from .functions import FUNCTIONS, MAX_ENTRIES, check_one_shape, shape_text
+from .functions import FUNCTIONS, MAX_ENTRIES, FunctionRow, check_one_shape, shape_text
 from .names import KNOWN_CONSTANTS, is_valid_name, nearest
 from .operations import COMPARE, operate, product_work, take
 from .syntax import (
@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from casadi import SX
     from numpy.typing import NDArray
 
+    from .tables import TableData
+
 __all__ = [
     "Comparison",
     "Expression",
@@ -51,16 +53,17 @@ __all__ = [
 MAX_WORK: Final = 200_000
 """Scalar operations that one expression may write out."""
 
-_NONE_REFUSED: Final[Mapping[str, str]] = MappingProxyType({})
+_NOTHING: Final[Mapping[str, Any]] = MappingProxyType({})
 
 
 def evaluate(
     expression: Expression,
     scope: Mapping[str, SX],
     *,
-    refused: Mapping[str, str] = _NONE_REFUSED,
+    refused: Mapping[str, str] = _NOTHING,
     initial: Mapping[str, SX] | None = None,
     final: Mapping[str, SX] | None = None,
+    tables: Mapping[str, TableData] = _NOTHING,
 ) -> SX:
     """Give the value of an expression as a dense SX matrix.
 
@@ -70,19 +73,21 @@ def evaluate(
         refused: names that exist but are not allowed here, each with the reason as a message.
         initial: what `initial(name)` stands for; None where it has no meaning.
         final: the same for `final(name)`.
+        tables: what `interpolate(x, name)` may read.
 
     Raises:
         ExpressionError: for an unknown name, shapes that do not fit, or too much work.
     """
     boundary = {"initial": initial, "final": final}
-    return _Evaluation(expression, scope, refused, boundary).value(expression.tree)
+    return _Evaluation(expression, scope, refused, boundary, tables).value(expression.tree)
 
 
 def constant(
     expression: Expression,
     scope: Mapping[str, SX],
     *,
-    refused: Mapping[str, str] = _NONE_REFUSED,
+    refused: Mapping[str, str] = _NOTHING,
+    tables: Mapping[str, TableData] = _NOTHING,
 ) -> float | NDArray[np.float64]:
     """Give the value of an expression of numbers: a float, a vector (1-D) or a matrix (2-D).
 
@@ -92,7 +97,7 @@ def constant(
     import casadi
     import numpy as np
 
-    value = evaluate(expression, scope, refused=refused)
+    value = evaluate(expression, scope, refused=refused, tables=tables)
     if not value.is_constant():
         nodes = [node for node in ast.walk(expression.tree) if isinstance(node, ast.Name)]
         free = [node for node in nodes if node.id in scope and not scope[node.id].is_constant()]
@@ -115,6 +120,7 @@ class _Evaluation:
     scope: Mapping[str, SX]
     refused: Mapping[str, str]
     boundary: Mapping[str, Mapping[str, SX] | None]
+    tables: Mapping[str, TableData]
     work: int = 0
 
     def value(self, node: ast.expr) -> SX:
@@ -166,7 +172,10 @@ class _Evaluation:
             return self.scope[name]
         if name == "pi":
             return casadi.SX(math.pi)
-        raise self._error(f"unknown name '{name}'{nearest(name, self.scope, 0.5)}", node)
+        if name in self.tables:
+            raise self._error(f"'{name}' is a table: write interpolate(x, {name})", node)
+        known = (*self.scope, *self.tables)
+        raise self._error(f"unknown name '{name}'{nearest(name, known, 0.5)}", node)
 
     def _boundary_value(self, node: ast.Call, which: str) -> SX:
         """Look up what initial(name) or final(name) stands for."""
@@ -179,7 +188,7 @@ class _Evaluation:
             return values[name]
         if name in self.refused:
             raise self._error(self.refused[name], argument)
-        if name in self.scope or name in KNOWN_CONSTANTS:
+        if name in self.scope or name in self.tables or name in KNOWN_CONSTANTS:
             raise self._error(f"'{name}' has no {which} value: it is not a state", argument)
         raise self._error(f"unknown name '{name}'{nearest(name, values, 0.5)}", argument)
 
@@ -188,6 +197,8 @@ class _Evaluation:
         if name in self.boundary:
             return self._boundary_value(node, name)
         row = FUNCTIONS[name]
+        if row.tabular:
+            return self._tabular(node, row)
         given = node.args
         first = [self._condition(given[0])] if row.conditional else []
         arguments = first + [self.value(argument) for argument in given[len(first) :]]
@@ -199,6 +210,15 @@ class _Evaluation:
             return row.apply(arguments)
         except ValueError as error:
             raise self._error(str(error), node) from error
+
+    def _tabular(self, node: ast.Call, row: FunctionRow) -> SX:
+        """Apply a row that reads a table."""
+        at, name = self.value(node.args[0]), self.expression.source_of(node.args[-1])
+        if name not in self.tables:
+            hint = nearest(name, self.tables, 0.5)
+            raise self._error(f"'{name}' is no table{hint}", node.args[-1])
+        self._spend(at.numel() * self.tables[name].operations, node)
+        return row.apply([at, self.tables[name]])
 
     def _condition(self, node: ast.expr) -> SX:
         """Give the truth of a condition, 0 or 1."""

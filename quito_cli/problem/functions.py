@@ -11,12 +11,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from casadi import SX
 
-    Apply = Callable[[Sequence[SX]], SX]
+    Apply = Callable[[Sequence[Any]], SX]  # matrices, and a table where a row is tabular
 
 MAX_ENTRIES: Final = 10_000
 MAX_SYMBOLIC_INVERSE: Final = 12
@@ -40,6 +40,8 @@ class FunctionRow:
     """The first argument is a condition, not a value."""
     cubic: bool = False
     """The work grows with the third power of the number of rows."""
+    tabular: bool = False
+    """The last argument is the name of a table, and `apply` gets that table."""
 
     def count_message(self, given: int) -> str | None:
         """Say what is wrong with this number of arguments, or None."""
@@ -203,6 +205,13 @@ def _solved(matrix: SX, right: SX) -> SX:
     return casadi.mtimes(casadi.SX(inverse), right)
 
 
+def _interpolate(arguments: Sequence[Any]) -> SX:
+    """Read a table at every entry of a value."""
+    at, table = arguments
+    value: SX = table(at)
+    return value
+
+
 def _elementary(name: str, doc: str, casadi_name: str | None = None) -> FunctionRow:
     """Give the row of a function of one argument that works entry by entry."""
     return FunctionRow(name, (1, 1), _casadi(casadi_name or name), doc, elementwise=True)
@@ -237,6 +246,13 @@ _ROWS: Final = (
         "if_else(condition, a, b): a where the condition holds, else b",
         elementwise=True,
         conditional=True,
+    ),
+    FunctionRow(
+        "interpolate",
+        (2, 2),
+        _interpolate,
+        "interpolate(x, table): the value at x of a table of the problem",
+        tabular=True,
     ),
     FunctionRow("dot", (2, 2), _dot, "sum of the products of two vectors"),
     FunctionRow("cross", (2, 2), _cross, "vector product in three dimensions"),

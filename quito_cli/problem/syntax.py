@@ -46,6 +46,8 @@ class Expression:
     """The functions called, `initial` and `final` too, in order of appearance."""
     columns: tuple[int, ...]
     """The offset in `text` of every character that was parsed."""
+    tables: tuple[str, ...] = ()
+    """The tables read by interpolate(), in order of appearance; they are not among the names."""
 
     @property
     def source(self) -> str:
@@ -191,6 +193,7 @@ def _checked(whole: Expression, tree: ast.expr) -> Expression:
     """Hold a tree against the list of what is allowed, and collect its names."""
     names: dict[str, None] = {}
     functions: dict[str, None] = {}
+    tables: dict[str, None] = {}
     pending: list[_Place] = [(tree, False)]
     while pending:
         node, condition = pending.pop()
@@ -199,8 +202,16 @@ def _checked(whole: Expression, tree: ast.expr) -> Expression:
             names[node.id] = None
         elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
             functions[node.func.id] = None
+            tables |= dict.fromkeys(_tables_named(node))
     variables = tuple(name for name in names if name not in KNOWN_CONSTANTS)
-    return Expression(whole.text, tree, variables, tuple(functions), whole.columns)
+    return Expression(whole.text, tree, variables, tuple(functions), whole.columns, tuple(tables))
+
+
+def _tables_named(call: ast.Call) -> list[str]:
+    """Give the name in the last argument of a function that reads a table."""
+    row = FUNCTIONS.get(call.func.id) if isinstance(call.func, ast.Name) else None
+    last = call.args[-1] if row is not None and row.tabular else None
+    return [last.id] if isinstance(last, ast.Name) else []
 
 
 def _is_value(node: ast.expr) -> bool:
@@ -244,7 +255,8 @@ def _children(whole: Expression, node: ast.expr, condition: bool) -> list[_Place
         case ast.Call(args=arguments):
             row = FUNCTIONS.get(_function_name(whole, node))
             conditional = row is not None and row.conditional
-            return [(value, conditional and i == 0) for i, value in enumerate(arguments)]
+            values = arguments[:-1] if row is not None and row.tabular else arguments
+            return [(value, conditional and i == 0) for i, value in enumerate(values)]
         case _:
             raise whole.error("this is not allowed in an expression", node)
     return [(part, False) for part in parts]
@@ -264,7 +276,11 @@ def _function_name(whole: Expression, node: ast.Call) -> str:
         hint = nearest(name, (*FUNCTIONS, *BOUNDARY_FUNCTIONS), 0.7)
         hint = hint or f"; write {name}*(...) for a product"
         raise whole.error(f"'{name}' is not a function{hint}", node.func)
-    message = FUNCTIONS[name].count_message(given)
+    row = FUNCTIONS[name]
+    message = row.count_message(given)
     if message is not None:
         raise whole.error(message, node)
+    if row.tabular and not isinstance(node.args[-1], ast.Name):
+        message = f"{name}(x, table) takes the name of a table here, and nothing else"
+        raise whole.error(message, node.args[-1])
     return name
