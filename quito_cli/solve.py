@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from quito_cli.errors import UsageError
 
@@ -33,6 +33,8 @@ class Options:
     tolerance: float = 1e-9
     max_iterations: int = 1000
     objective_scale: float | None = None
+    path_points: Literal["nodes", "substeps"] | None = None
+    guess: str | None = None
     solver_options: Mapping[str, float | int | bool | str] = field(default_factory=dict)
 
     @classmethod
@@ -67,6 +69,8 @@ class Options:
 
 QUASI_INTERPOLANT_ONLY = ("variance", "generating_function", "normalised")
 """Options that mean nothing to the classical controls."""
+MESH_TOLERANCE = 1e-3
+"""Error of the control, relative to its range, that a mesh is expected to reach."""
 CLASSICAL_CONTROLS = {"piecewise-constant": "box", "piecewise-linear": "hat"}
 """Controls that are a generating function of their own."""
 
@@ -84,7 +88,7 @@ def solve(
         problem: a path, the name of a bundled problem, or a Problem.
         constants: constants to set, by name, or other values by dotted path.
         listener: told of every iteration of the solver.
-        **options: fields of `Options`.
+        **options: fields of `Options`; `guess` may be an earlier Solution or the path of one.
 
     Returns:
         The Solution, with its evidence; whether it is one, says `solution.success`.
@@ -94,10 +98,12 @@ def solve(
         ProblemError: mistakes in the problem file, all of them told.
     """
     import casadi  # noqa: F401 - before the clock starts
+    import numpy as np
 
     from quito_cli.problem.build import build
     from quito_cli.problem.load import changed, load
     from quito_cli.solution.extract import extract
+    from quito_cli.solution.follow import guided
     from quito_cli.solvers import minimise
     from quito_cli.transcription.cells import Discretization
     from quito_cli.transcription.mesh import Mesh
@@ -107,21 +113,36 @@ def solve(
     if isinstance(problem, str | Path):
         problem = load(problem)
     problem = changed(problem, constants or {})
-    chosen = Options.resolve(problem.options, options)
+    earlier, guess = _earlier(options.pop("guess", None))
+    chosen = replace(Options.resolve(problem.options, options), guess=guess)
     started = time.perf_counter()
     model = build(problem)
+    if earlier is not None:
+        model = guided(model, earlier)
+    points = [constraint.at for constraint in model.constraints.point]
     method = Discretization(
-        Mesh.uniform(chosen.steps),
+        Mesh.through(chosen.steps, np.array(points, dtype=float)),
         control_basis(chosen),
         scheme(chosen.discretization),
         chosen.substeps,
     )
-    nlp = transcribe(model, method, chosen.objective_scale)
+    nlp = transcribe(model, method, chosen.objective_scale, chosen.path_points)
     built = time.perf_counter() - started
     outcome, residuals = minimise(
         nlp, chosen.tolerance, chosen.max_iterations, dict(chosen.solver_options), listener
     )
     return extract(problem, nlp, outcome, residuals, asdict(chosen), built)
+
+
+def _earlier(guess: str | Path | Solution | None) -> tuple[Solution | None, str | None]:
+    """Return an earlier answer to start from, and how it is recorded."""
+    if guess is None:
+        return None, None
+    from quito_cli.solution.solution import Solution
+
+    if isinstance(guess, Solution):
+        return guess, guess.origin.name
+    return Solution.load(guess), str(guess)
 
 
 def control_basis(options: Options) -> ControlBasis:
@@ -153,7 +174,7 @@ def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
     from quito_cli.problem.options import RequestedOptions
     from quito_cli.problem.validate import expected
 
-    known = [f.name for f in fields(Options)]
+    known = [f.name for f in fields(Options) if f.name != "guess"]
     for name in given:
         if name not in known:
             raise UsageError(f"there is no option '{name}'{suggest(name, known)}")

@@ -46,7 +46,7 @@ def printed(name: str, x: float) -> float:
 
 
 def moment(name: str, k: int) -> float:
-    """∫ x^k ψ(x) dx by the trapezoidal rule, exact to rounding for analytic functions that decay."""
+    """∫ x^k ψ(x) dx by the trapezoidal rule: exact to rounding where analytic and decaying."""
     x = np.arange(-50, 50, 1 / 16)
     return math.fsum(x**k * GENERATING_FUNCTIONS[name].value(x)) / 16
 

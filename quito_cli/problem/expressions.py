@@ -19,10 +19,16 @@ from functools import reduce
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
-from .functions import FUNCTIONS, MAX_ENTRIES, FunctionRow, check_one_shape, shape_text
-from .names import KNOWN_CONSTANTS, is_valid_name, nearest
-from .operations import COMPARE, operate, product_work, take
-from .syntax import (
+from quito_cli.problem.functions import (
+    FUNCTIONS,
+    MAX_ENTRIES,
+    FunctionRow,
+    check_one_shape,
+    shape_text,
+)
+from quito_cli.problem.names import KNOWN_CONSTANTS, is_valid_name, nearest
+from quito_cli.problem.operations import COMPARE, operate, product_work, take
+from quito_cli.problem.syntax import (
     Comparison,
     Expression,
     comparison_operators,
@@ -30,7 +36,7 @@ from .syntax import (
     parse_comparison,
     subscripts,
 )
-from .tokens import ExpressionError
+from quito_cli.problem.tokens import ExpressionError
 
 if TYPE_CHECKING:
     import numpy as np

@@ -24,6 +24,7 @@ class _Context:
     reader: Reader
     scope: dict[str, ca.SX]
     t: ca.SX
+    refused: dict[str, str]
 
 
 def read_reference(
@@ -45,7 +46,13 @@ def read_reference(
             reader.poison(name)
         else:
             scope[name] = number
-    context = _Context(reader, scope, t)
+    refused = {
+        variable.name: f"'{variable.name}' is a {kind}: a reference is made of t and constants"
+        for kind, variables in (("state", states), ("control", controls))
+        for variable in variables
+        if variable.name not in scope
+    }
+    context = _Context(reader, scope, t, refused)
     cost = None
     if reference.cost is not None:
         cost = reader.number(("reference", "cost"), reference.cost, scope)
@@ -115,7 +122,8 @@ def _function(context: _Context, path: Path, value: float | str, size: int) -> c
     """Return t ↦ value, a column of `size`."""
     import casadi as ca
 
-    expression = context.reader.formula(path, value, {**context.scope, "t": context.t})
+    scope = {**context.scope, "t": context.t}
+    expression = context.reader.formula(path, value, scope, refused=context.refused)
     if expression is None:
         return None
     if expression.numel() != size:

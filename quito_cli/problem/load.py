@@ -74,6 +74,8 @@ def find(where: str | Path) -> Path:
         UsageError: there is none.
     """
     path = Path(where)
+    if not str(where).strip():
+        raise UsageError("name a problem: a file, or one of those that `quito list` shows")
     if path.is_file():
         return path
     if path.is_dir():

@@ -6,7 +6,7 @@ of a minimisation; `sense` is −1 where the file maximises, and only reports lo
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     import casadi as ca
 
 Array = NDArray[np.float64]
+GuessFunction = Callable[[Array], Array]
+"""times (points,) ↦ values (points, size)."""
 
 
 @dataclass(frozen=True)
@@ -135,6 +137,68 @@ class Known:
         return values
 
 
+@dataclass(frozen=True, eq=False)
+class Constraint:
+    """lower ≤ value ≤ upper, entry by entry."""
+
+    name: str
+    text: str
+    """As the file has it."""
+    value: ca.SX
+    """(rows, 1)."""
+    bounds: Bounds
+    """(rows,) each."""
+    size: ca.SX
+    """How large its sides are, (rows, 1): what a violation is judged by."""
+    uses_state: bool = True
+    uses_control: bool = False
+    at: float | None = None
+    """Of a point constraint: when, as a fraction of the horizon."""
+
+    @property
+    def determines_control(self) -> bool:
+        """Whether it is an equality with a control in it."""
+        return self.uses_control and bool(self.bounds.fixed.any())
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """A name for each row."""
+        rows = len(self.bounds.lower)
+        return tuple(f"{self.name}[{i}]" for i in range(rows)) if rows > 1 else (self.name,)
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """Everything that must hold beside dynamics, bounds and end values."""
+
+    path: tuple[Constraint, ...]
+    """In terms of x, u, p, t."""
+    boundary: tuple[Constraint, ...]
+    """In terms of the ends and p."""
+    integral: tuple[Constraint, ...]
+    """The integrands, in terms of x, u, p, t; bounds are those of the integrals."""
+    point: tuple[Constraint, ...]
+    """In terms of x, u, p, t."""
+
+
+@dataclass(frozen=True)
+class Hints:
+    """Where the file says the solver is to start, and how large things are."""
+
+    states: tuple[GuessFunction | None, ...]
+    """By state variable."""
+    controls: tuple[GuessFunction | None, ...]
+    """By control variable."""
+    parameters: Array
+    """(n_p,); NaN where nothing is said."""
+    state_scale: Array
+    """(n_x,); NaN where nothing is said."""
+    control_scale: Array
+    """(n_u,); NaN where nothing is said."""
+    parameter_scale: Array
+    """(n_p,); NaN where nothing is said."""
+
+
 @dataclass(frozen=True)
 class Model:
     """What transcription and the checks of an answer need to know of a problem."""
@@ -150,10 +214,10 @@ class Model:
     xdot: ca.SX
     """Dynamics, (n_x, 1)."""
     lagrange: ca.SX
-    """Running cost, scalar."""
+    """Running cost of the minimisation, scalar."""
     ends: Endpoints
     mayer: ca.SX
-    """End cost in terms of `ends` and `p`, scalar."""
+    """End cost of the minimisation in terms of `ends` and `p`, scalar."""
     state_bounds: Bounds
     control_bounds: Bounds
     parameter_bounds: Bounds
@@ -163,6 +227,8 @@ class Model:
     """Of the state at the final time, within `state_bounds`."""
     initial_time: Instant
     final_time: Instant
+    constraints: Constraints
+    hints: Hints
     sense: int
     """+1 where the file minimises, −1 where it maximises."""
     known: Known | None
@@ -185,14 +251,42 @@ class Model:
 
     @cached_property
     def right_hand_side(self) -> ca.Function:
-        """(x, u, p, t) ↦ (ẋ, L)."""
+        """(x, u, p, t) ↦ (ẋ, integrands): the running cost, then the integral constraints'."""
         import casadi as ca
 
+        integrands = [self.lagrange, *(c.value for c in self.constraints.integral)]
         return ca.Function(
             "right_hand_side",
             [self.x, self.u, self.p, self.t],
-            [self.xdot, self.lagrange],
+            [self.xdot, ca.vertcat(*integrands)],
         )
+
+    @property
+    def n_q(self) -> int:
+        """Number of integrals: the running cost and the integral constraints."""
+        return 1 + len(self.constraints.integral)
+
+    def function(self, constraint: Constraint) -> ca.Function:
+        """Return (x, u, p, t) ↦ value of a path or point constraint."""
+        import casadi as ca
+
+        return ca.Function("constraint", [self.x, self.u, self.p, self.t], [constraint.value])
+
+    def size(self, constraint: Constraint) -> ca.Function:
+        """Return (x, u, p, t) ↦ size of a path or point constraint."""
+        import casadi as ca
+
+        return ca.Function("size", [self.x, self.u, self.p, self.t], [constraint.size])
+
+    @cached_property
+    def boundary_values(self) -> ca.Function:
+        """(x₀, t₀, x_f, t_f, p) ↦ values and sizes of all boundary constraints, stacked."""
+        import casadi as ca
+
+        ends, given = self.ends, self.constraints.boundary
+        arguments = [ends.x0, ends.t0, ends.xf, ends.tf, self.p]
+        values = ca.vertcat(*(c.value for c in given))
+        return ca.Function("boundary", arguments, [values, ca.vertcat(*(c.size for c in given))])
 
     @cached_property
     def end_cost(self) -> ca.Function:

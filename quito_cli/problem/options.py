@@ -9,13 +9,22 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    field_validator,
+)
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 GeneratingFunctionName = Literal[
     "gaussian", "laguerre4", "laguerre6", "hermite10", "trigonometric", "sech"
 ]
 ControlName = Literal["quasi-interpolant", "piecewise-constant", "piecewise-linear"]
 DiscretizationName = Literal["euler", "rk4"]
+PathPointsName = Literal["nodes", "substeps"]
 
 _BY_NUMBER = dict(enumerate(GeneratingFunctionName.__args__, start=1))  # type: ignore[attr-defined]
 
@@ -55,6 +64,9 @@ class RequestedOptions(BaseModel):
     """Iterations after which the solver gives up."""
     objective_scale: Annotated[float | None, Field(gt=0)] = None
     """Factor of the cost in the nonlinear program; by default chosen from the cost's size."""
+    path_points: PathPointsName | None = None
+    """Where path constraints hold: at nodes, or at all substep offsets; by default at the offsets
+    for those that contain a control, at the nodes for those of states alone."""
     solver_options: dict[str, float | int | bool | str] | None = None
     """Options of the solver, by its own names."""
 
@@ -140,7 +152,12 @@ class FileOptions(RequestedOptions):
     @field_validator("solver_options")
     @classmethod
     def _only_safe_ones(cls, options: dict[str, object] | None) -> dict[str, object] | None:
-        reasons = (refuse_solver_option(name, value) for name, value in (options or {}).items())
-        if complaint := next((reason for reason in reasons if reason), None):
-            raise ValueError(complaint)
+        refused = []
+        for name, value in (options or {}).items():
+            if reason := refuse_solver_option(name, value):
+                kind = "value_error" if name in _ALLOWED else "refused_key"
+                error = PydanticCustomError(kind, "{error}", {"error": reason})
+                refused.append(InitErrorDetails(type=error, loc=(name,), input=value))
+        if refused:
+            raise ValidationError.from_exception_data("solver_options", refused)
         return options

@@ -6,9 +6,9 @@ hover text in editors. Formulas stay text here; `build` turns them into a Model.
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, PrivateAttr, Tag
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, PrivateAttr, Tag, model_validator
 
 from quito_cli.problem.options import FileOptions
 from quito_cli.problem.source import Source
@@ -17,6 +17,8 @@ MAX_SIZE = 200
 """Entries a vector may have."""
 MAX_VARIABLES = 500
 """Names a section may have."""
+MAX_TABLE = 1000
+"""Rows a table may have."""
 
 
 def _kind(value: Any) -> str | None:
@@ -98,13 +100,48 @@ DynamicsValue = Annotated[
 ]
 
 
+class FreeTime(Strict):
+    """A time that is an unknown."""
+
+    lower: Expression | None = None
+    """Earliest."""
+    upper: Expression | None = None
+    """Latest."""
+    guess: Expression | None = None
+    """Where the solver starts; by default between the bounds."""
+
+
+Instant = Annotated[Number | Formula | Annotated[FreeTime, Tag("=mapping")], Discriminator(_kind)]
+"""A number, an expression of constants such as pi/2, or {lower:, upper:, guess:} where free."""
+
+
 class Time(Strict):
     """The horizon."""
 
-    initial: Expression
-    """Initial time: a number or an expression of constants."""
-    final: Expression
-    """Final time: a number or an expression of constants such as pi/2."""
+    initial: Instant
+    """Initial time: a number, an expression of constants, or {lower:, upper:, guess:} if free."""
+    final: Instant
+    """Final time: a number, an expression such as pi/2, or {lower:, upper:, guess:} if free."""
+
+
+class GuessTable(Strict):
+    """A guess by values at times, linear in between."""
+
+    times: Annotated[list[float], Field(min_length=2, max_length=MAX_TABLE)]
+    """Increasing times."""
+    values: Annotated[list[float | list[float]], Field(min_length=2, max_length=MAX_TABLE)]
+    """A value for each time; a list of values for a vector."""
+
+
+GuessValue = Annotated[
+    Number
+    | Formula
+    | Annotated[GuessTable, Tag("=mapping")]
+    | Nothing
+    | Annotated[list[Expression], Field(min_length=1, max_length=MAX_SIZE), Tag("=list")],
+    Discriminator(_kind),
+]
+"""An expression of t, a list with one for each entry, or a table {times:, values:}."""
 
 
 class State(Strict):
@@ -120,6 +157,10 @@ class State(Strict):
     """Smallest value on the whole horizon."""
     upper: BoundValue = None
     """Largest value on the whole horizon."""
+    guess: GuessValue = None
+    """Where the solver starts: an expression of t, or a table {times:, values:}."""
+    scale: BoundValue = None
+    """Its typical size; by default from bounds, guess and dynamics."""
     unit: str = ""
     """Unit, for labels."""
     description: str = ""
@@ -135,19 +176,81 @@ class Control(Strict):
     """Smallest value on the whole horizon."""
     upper: BoundValue = None
     """Largest value on the whole horizon."""
+    guess: GuessValue = None
+    """Where the solver starts: an expression of t, or a table {times:, values:}."""
+    scale: BoundValue = None
+    """Its typical size; by default from bounds, guess and dynamics."""
     unit: str = ""
     """Unit, for labels."""
     description: str = ""
     """What it is, in words."""
 
 
+class Parameter(Strict):
+    """An unknown that is constant in time; a vector if it has a size."""
+
+    size: Annotated[int, Field(ge=1, le=MAX_SIZE, strict=True)] | None = None
+    """Number of entries of a vector; leave out for a scalar."""
+    lower: BoundValue = None
+    """Smallest value."""
+    upper: BoundValue = None
+    """Largest value."""
+    guess: BoundValue = None
+    """Where the solver starts; by default the middle of the bounds."""
+    scale: BoundValue = None
+    """Its typical size; by default from bounds and guess."""
+    unit: str = ""
+    """Unit, for labels."""
+    description: str = ""
+    """What it is, in words."""
+
+
+class Table(Strict):
+    """Measured data, used in formulas as interpolate(argument, name)."""
+
+    x: Annotated[list[float], Field(min_length=2, max_length=MAX_TABLE)]
+    """Increasing arguments."""
+    y: Annotated[list[float], Field(min_length=2, max_length=MAX_TABLE)]
+    """Values."""
+    method: Literal["linear", "cubic"] = "cubic"
+    """Piecewise linear, or a cubic spline (smooth: what an optimiser likes)."""
+
+
+class PointConstraint(Strict):
+    """A constraint at one time."""
+
+    at: Expression
+    """When: a time, or with a free horizon a fraction of it, 0 to 1."""
+    holds: str
+    """Comparison of states, controls, parameters and t."""
+
+
+class Constraints(Strict):
+    """Comparisons of formulas, by name: <=, >=, ==, or a chain such as -1 <= x1 - x2 <= 1."""
+
+    path: Annotated[dict[str, str], Field(max_length=MAX_VARIABLES)] = {}
+    """On the whole horizon: states, controls, parameters, t."""
+    boundary: Annotated[dict[str, str], Field(max_length=MAX_VARIABLES)] = {}
+    """Between the ends: initial(x), final(x), initial(t), final(t), parameters."""
+    integral: Annotated[dict[str, str], Field(max_length=MAX_VARIABLES)] = {}
+    """On integrals over the horizon: one side is the integrand, the others are constants."""
+    point: Annotated[dict[str, PointConstraint], Field(max_length=MAX_VARIABLES)] = {}
+    """At given times."""
+
+
 class Cost(Strict):
-    """What is minimised: the integral of `lagrange` plus `mayer`."""
+    """What is minimised (or maximised): the integral of `lagrange` plus `mayer`."""
 
     lagrange: Expression = 0.0
     """Running cost, integrated over the horizon: states, controls, t."""
     mayer: Expression = 0.0
     """End cost: bare names are final values, t the final time; initial(x) and final(x) too."""
+
+    @model_validator(mode="after")
+    def _says_something(self) -> Self:
+        if not self.model_fields_set:
+            raise ValueError("a cost has `lagrange`, `mayer` or both")
+        return self
 
 
 class Piece(Strict):
@@ -224,10 +327,20 @@ class Problem(Strict):
     """States by name; their order here is their order everywhere."""
     controls: Annotated[dict[str, Control], Field(max_length=MAX_VARIABLES)] = {}
     """Controls by name; their order here is their order everywhere."""
+    parameters: Annotated[dict[str, Parameter], Field(max_length=MAX_VARIABLES)] = {}
+    """Unknowns that are constant in time, by name."""
+    tables: Annotated[dict[str, Table], Field(max_length=MAX_VARIABLES)] = {}
+    """Measured data by name, for interpolate(argument, name)."""
+    expressions: Annotated[dict[str, Expression], Field(max_length=MAX_VARIABLES)] = {}
+    """Names for formulas, in order, for use in formulas further down."""
     dynamics: dict[str, DynamicsValue]
     """Time derivative of each state: an expression of states, controls, constants and t."""
+    sense: Literal["minimize", "maximize"] = "minimize"
+    """Whether the cost is to be small or large."""
     cost: Cost
-    """What is minimised."""
+    """What is minimised, or maximised."""
+    constraints: Constraints = Constraints()
+    """Comparisons that must hold: path, boundary, integral, point."""
     reference: Reference | None = None
     """What is known of the answer."""
     published: list[Published] = []

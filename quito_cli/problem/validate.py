@@ -19,6 +19,13 @@ from quito_cli.problem.source import Source
 
 Path = tuple[str | int, ...]
 
+_STAND_IN = "mended"
+"""A name that counts as poisoned: a formula in place of one that could not be read."""
+_NAMING = ("constants", "states", "controls")
+"""Sections whose keys are names in formulas."""
+_ASIDE = ("reference", "published", "options")
+"""Sections that the other ones do not speak of."""
+
 _ALTERNATIVES = {
     "constants": "a number, an expression, a list or a list of lists",
     "initial": "a number, an expression, {lower:, upper:} or a list",
@@ -47,7 +54,10 @@ def validate(source: Source, name: str, changes: tuple[tuple[str, str], ...] = (
         return problem
     except ValidationError as error:
         details = error.errors()
-    complaints = [_complaint(detail) for detail in details]
+    complaints = [
+        _complaint(detail, _real_path(detail["loc"], source.data))
+        for detail in _told_once(details, source.data)
+    ]
     raise ProblemError(complaints + _beyond(details, source, name), source, set_values(changes))
 
 
@@ -57,16 +67,22 @@ def _named(problem: Problem, source: Source, name: str) -> Problem:
     return problem
 
 
+def _told_once(details: list[ErrorDetails], data: Any) -> list[ErrorDetails]:
+    """Leave out what is missed only because its key is misspelt: the key is complained of."""
+    unknown = [_real_path(d["loc"], data) for d in details if d["type"] == "extra_forbidden"]
+    found = {(*path[:-1], _meant(path, _holder(data, path))) for path in unknown}
+    return [d for d in details if d["type"] != "missing" or _real_path(d["loc"], data) not in found]
+
+
 def _beyond(details: list[ErrorDetails], source: Source, name: str) -> list[Complaint]:
     """Return complaints about formulas, with the structure mended where that can be guessed."""
     data = copy.deepcopy(source.data)
-    poisoned: set[str] = set()
+    poisoned = {_STAND_IN}
     for detail in details:
-        path = _real_path(detail["loc"])
-        if len(path) > 1 and path[0] in ("constants", "states", "controls"):
+        path = _real_path(detail["loc"], source.data)
+        known = (_rename if detail["type"] == "extra_forbidden" else _replace)(data, path)
+        if not known:
             poisoned.add(str(path[1]))
-        if detail["type"] != "missing" and path:
-            _mend(data, path, detail["type"] == "extra_forbidden")
     try:
         problem = _named(Problem.model_validate(data), source, name)
     except ValidationError:
@@ -74,19 +90,53 @@ def _beyond(details: list[ErrorDetails], source: Source, name: str) -> list[Comp
     return try_build(problem, poisoned)[1]
 
 
-def _mend(data: Any, path: Path, unknown_key: bool) -> None:
-    """Give an unknown key the name it was likely meant to have, or leave the value out."""
+def _rename(data: Any, path: Path) -> bool:
+    """Give an unknown key the name it was likely meant to have, or leave it out.
+
+    False if the state, control or constant that holds it cannot be spoken of any more.
+    """
+    if path[0] in _ASIDE and path[1:]:
+        return _replace(data, path)
+    holder = _holder(data, path)
+    value = holder.pop(path[-1], None)
+    meant = _meant(path, holder)
+    if meant:
+        holder[meant] = value
+    return bool(meant) or path[0] not in _NAMING or len(path) < 3
+
+
+def _replace(data: Any, path: Path) -> bool:
+    """Put something harmless where a value is wrong or missing; False as for `_rename`."""
+    match path:
+        case (str(section), *_) if section in _ASIDE:
+            data.pop(section, None)
+        case ("time",):
+            data["time"] = {"initial": _STAND_IN, "final": _STAND_IN}
+        case ("dynamics",):
+            states = data.get("states")
+            data["dynamics"] = dict.fromkeys(states if isinstance(states, dict) else (), _STAND_IN)
+        case ("cost",):
+            data["cost"] = {}
+        case ("time" | "dynamics" as section, key, *_):
+            data[section][key] = _STAND_IN
+        case (str(section), name, "size", *_) if section in _NAMING:
+            data[section][name] = {}  # nothing that has a length can be checked
+            return False
+        case (str(section), name, key, *_) if section in ("states", "controls"):
+            data[section][name].pop(key, None)
+        case (str(section), key, *_):
+            data[section].pop(key, None)
+            return section not in _NAMING
+        case (str(key),):
+            data.pop(key, None)
+    return True
+
+
+def _holder(data: Any, path: Path) -> Any:
+    """Return the mapping that holds the last key of a path."""
     for step in path[:-1]:
-        try:
-            data = data[step]
-        except (KeyError, IndexError, TypeError):
-            return
-    key = path[-1]
-    if not isinstance(data, dict) or key not in data:
-        return
-    value = data.pop(key)
-    if unknown_key and (meant := _meant(path, data)):
-        data[meant] = value
+        data = data[step]
+    return data
 
 
 def _known_keys(path: Path) -> list[str]:
@@ -116,13 +166,24 @@ def _meant(path: Path, present: dict[str, Any]) -> str | None:
     return next((key for key in candidates if f"'{key}'" in hint), None)
 
 
-def _real_path(location: tuple[str | int, ...]) -> Path:
-    """Return pydantic's location without the tags of alternatives, which start with '='."""
-    return tuple(step for step in location if not (isinstance(step, str) and step.startswith("=")))
+def _real_path(location: tuple[str | int, ...], data: Any) -> Path:
+    """Return pydantic's location without the tags of alternatives, which start with '='.
+
+    A file may have keys that look like them, so that the data decides.
+    """
+    path: list[str | int] = []
+    for step in location:
+        inside = isinstance(data, dict) and step in data
+        if isinstance(step, str) and step.startswith("=") and not inside:
+            continue
+        path.append(step)
+        if inside or (isinstance(data, list) and isinstance(step, int)):
+            data = data[step]
+    return tuple(path)
 
 
-def _complaint(detail: ErrorDetails) -> Complaint:
-    path, kind = _real_path(detail["loc"]), detail["type"]
+def _complaint(detail: ErrorDetails, path: Path) -> Complaint:
+    kind = detail["type"]
     if kind == "extra_forbidden":
         hint = suggest(str(path[-1]), _known_keys(path))
         known = "" if hint else f"; known here: {', '.join(_known_keys(path))}"
@@ -132,6 +193,8 @@ def _complaint(detail: ErrorDetails) -> Complaint:
         key = str(path[-1])
         told = _MISSING.get(key, "") if len(path) == 1 else ""
         return Complaint(path[:-1], told or f"`{key}` is missing here", key=len(path) > 1)
+    if kind == "refused_key":
+        return Complaint(path, expected(detail), length=len(str(path[-1])), key=True)
     return Complaint(path, expected(detail, path))
 
 
@@ -140,23 +203,41 @@ def expected(detail: ErrorDetails, path: Path = ()) -> str:
     kind, value = detail["type"], detail["input"]
     context: dict[str, Any] = detail.get("ctx", {})
     match kind:
-        case "value_error":
+        case "value_error" | "refused_key":
             return str(context["error"])
         case "union_tag_not_found" | "union_tag_invalid":
-            nearest_first = [_ALTERNATIVES[s] for s in reversed(path) if s in _ALTERNATIVES]
-            wanted = nearest_first[0] if nearest_first else "a number or an expression"
+            wanted = _alternatives(path)
         case "model_type" | "dict_type" | "model_attributes_type":
             wanted = "a mapping, `key: value` lines or {...}"
         case "literal_error":
             names = str(context["expected"]).replace("'", "")
-            return f"expected {names}, got {_shown(value)}{suggest(str(value), names.split(', '))}"
+            hint = suggest(str(value), names.replace(" or ", ", ").split(", "))
+            return f"expected {names}, got {_shown(value)}{hint}"
         case "too_long":
-            return f"expected at most {context['max_length']} entries, got {_length(context)}"
+            return f"expected at most {_entries(context['max_length'])}, got {_length(context)}"
         case "too_short":
-            return f"expected at least {context['min_length']} entries, got {_length(context)}"
+            return f"expected at least {_entries(context['min_length'])}, got {_length(context)}"
+        case "string_type" if isinstance(value, bool | int | float):
+            return f"expected text, got {_shown(value)}: quote it"
         case _:
             wanted = _plain(detail)
     return f"expected {wanted}, got {_shown(value)}"
+
+
+def _alternatives(path: Path) -> str:
+    keys = [step for step in reversed(path) if step in _ALTERNATIVES]
+    if not keys:
+        return "a number or an expression"
+    if isinstance(path[-1], int):
+        range_too = keys[0] in ("initial", "final")
+        return (
+            f"a number{', an expression or {lower:, upper:}' if range_too else ' or an expression'}"
+        )
+    return _ALTERNATIVES[str(keys[0])]
+
+
+def _entries(count: int) -> str:
+    return f"{count} entries" if count != 1 else "one entry"
 
 
 def _length(context: dict[str, Any]) -> Any:
@@ -165,11 +246,16 @@ def _length(context: dict[str, Any]) -> Any:
 
 def _plain(detail: ErrorDetails) -> str:
     """Return pydantic's sentence in the voice of the other messages."""
-    words = detail["msg"].removeprefix("Input should be ")
-    words = words.replace("a valid integer", "a whole number").replace("valid ", "")
-    for ours, theirs in (
-        ("at least", "greater than or equal to"),
-        ("at most", "less than or equal to"),
+    words = detail["msg"].removeprefix("Input should be ").split(", ")[0]
+    for theirs, ours in (
+        ("greater than or equal to", "at least"),
+        ("less than or equal to", "at most"),
+        ("greater than", "a number above"),
+        ("less than", "a number below"),
+        ("a valid integer", "a whole number"),
+        ("a valid boolean", "true or false"),
+        ("a valid string", "text"),
+        ("valid ", ""),
     ):
         words = words.replace(theirs, ours)
     return words
@@ -177,5 +263,7 @@ def _plain(detail: ErrorDetails) -> str:
 
 def _shown(value: Any) -> str:
     names = {dict: "a mapping", list: "a list", type(None): "nothing"}
+    if isinstance(value, bool):
+        return str(value).lower()
     text = names.get(type(value)) or repr(value)
     return text if len(text) <= 40 else text[:37] + "..."

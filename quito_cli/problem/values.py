@@ -17,6 +17,7 @@ from quito_cli.problem.complaints import Complaint
 from quito_cli.problem.expressions import Expression, ExpressionError, evaluate, parse
 from quito_cli.problem.model import Bounds
 from quito_cli.problem.schema import Range
+from quito_cli.problem.tables import TableData
 
 if TYPE_CHECKING:
     import casadi as ca
@@ -47,6 +48,10 @@ class Reader:
         """Say no more about whatever depends on `name`."""
         self._poisoned.add(name)
 
+    def is_poisoned(self, names: Iterable[str]) -> bool:
+        """Whether any of `names` is in error already."""
+        return not self._poisoned.isdisjoint(names)
+
     def formula(
         self,
         path: Path,
@@ -56,6 +61,7 @@ class Reader:
         refused: Mapping[str, str] | None = None,
         initial: Scope | None = None,
         final: Scope | None = None,
+        tables: Mapping[str, TableData] | None = None,
     ) -> ca.SX | None:
         """Return the value of a number or formula, or None where it has none."""
         import casadi as ca
@@ -67,7 +73,7 @@ class Reader:
             return ca.SX(value)
         try:
             expression: Expression = parse(value)
-            if self._poisoned.intersection(expression.names):
+            if self.is_poisoned((*expression.names, *expression.tables)):
                 return None
             return evaluate(
                 expression,
@@ -75,6 +81,7 @@ class Reader:
                 refused={**_INFINITY, **(refused or {})},
                 initial=initial,
                 final=final,
+                tables=tables or {},
             )
         except ExpressionError as error:
             self.complaints.append(Complaint(path, error.message, error.offset, error.length))
@@ -91,7 +98,7 @@ class Reader:
         import casadi as ca
 
         if isinstance(value, list):
-            return self._table(path, value, scope)
+            return self._table(path, value, scope, refused)
         result = self.formula(path, value, scope, refused=refused)
         if result is None:
             return None
@@ -103,16 +110,13 @@ class Reader:
             return None
         return result
 
-    def _table(self, path: Path, entries: list[Any], scope: Scope) -> ca.SX | None:
+    def _table(
+        self, path: Path, entries: list[Any], scope: Scope, refused: Mapping[str, str] | None
+    ) -> ca.SX | None:
         """Return a vector from a list, a matrix from a list of equally long lists."""
         import casadi as ca
 
-        rows = [
-            self._table((*path, i), entry, scope)
-            if isinstance(entry, list)
-            else self.constant((*path, i), entry, scope)
-            for i, entry in enumerate(entries)
-        ]
+        rows = [self.constant((*path, i), entry, scope, refused) for i, entry in enumerate(entries)]
         nested = [isinstance(entry, list) for entry in entries]
         good = [row for row in rows if row is not None]
         if len(good) < len(rows):
@@ -184,7 +188,7 @@ class Reader:
         refused: Mapping[str, str],
     ) -> Array:
         if len(entries) != size:
-            self.complain(path, f"expected {_entries(size)}, got {len(entries)}")
+            self.complain(path, _miscounted(size, len(entries)))
             return np.full(size, otherwise)
         read = [
             otherwise
@@ -200,7 +204,7 @@ class Reader:
         """Return bounds from an end value: fixed, a range, free (None), or a list of these."""
         if isinstance(value, list):
             if len(value) != size:
-                self.complain(path, f"expected {_entries(size)}, got {len(value)}")
+                self.complain(path, _miscounted(size, len(value)))
                 value = None
             else:
                 parts = [
@@ -241,3 +245,8 @@ class Reader:
 
 def _entries(size: int) -> str:
     return f"{size} entries" if size > 1 else "one entry"
+
+
+def _miscounted(size: int, given: int) -> str:
+    hint = "; a vector needs its `size`" if size == 1 else ""
+    return f"expected {_entries(size)}, got {given}{hint}"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,9 @@ from quito_cli.solvers.outcome import Outcome, Status
 from quito_cli.solvers.residuals import Residuals
 from quito_cli.transcription.transcribe import Nlp
 
+if TYPE_CHECKING:
+    import casadi as ca
+
 Array = NDArray[np.float64]
 
 _HINTS = {
@@ -18,7 +23,13 @@ _HINTS = {
         "No trajectory was found that meets all conditions: loosen a bound or an end condition, or "
         "give it more time; a problem with many local minima may need another start."
     ),
-    Status.ITERATION_LIMIT: "Raise --max-iterations, or loosen --tolerance.",
+    Status.ITERATION_LIMIT: (
+        "Raise --max-iterations, or loosen --tolerance; if the cost runs away it has no minimum: "
+        "give bounds to states and controls."
+    ),
+    Status.NOT_FINITE: (
+        "Keep the expression defined: bounds on what it depends on, or a guess where it is defined."
+    ),
     Status.TIME_LIMIT: "Raise the solver's time limit.",
     Status.TOO_FEW_FREEDOMS: "More conditions are fixed than controls can meet: free one.",
     Status.DIVERGED: "Give bounds to states and controls: the cost may have no minimum.",
@@ -39,13 +50,13 @@ def diagnose(
         u: (N+1, n_u) the control at the nodes.
     """
     model, substeps = nlp.transcription.model, nlp.transcription.method.substeps
-    parameters = nlp.transcription.layout.parameters(outcome.w)
-    sentences = [
-        *_not_finite(
-            model, trajectory.times[::substeps], trajectory.states[::substeps], u, parameters
-        ),
-        *_worst_row(nlp, residuals, trajectory.times),
-    ]
+    parameters = nlp.transcription.layout.parameters(outcome.w * nlp.unit)
+    at = slice(None, None, substeps)
+    times, states = trajectory.times[at], trajectory.states[at]
+    sentences = _not_finite(model, times, states, u, parameters, "at")
+    if outcome.status is Status.NOT_FINITE and not sentences:
+        sentences = _not_finite_nearby(model, times, states, u, parameters)
+    sentences += _worst_row(nlp, residuals, trajectory.times)
     if not sentences and residuals.stationarity > 0:
         sentences.append(
             "All constraints hold, but the point is not stationary: the first-order residual is "
@@ -58,37 +69,76 @@ def diagnose(
 
 def _worst_row(nlp: Nlp, residuals: Residuals, times: Array) -> list[str]:
     """Name the constraint that is violated most, with time and amount."""
-    violations = np.nan_to_num(residuals.violations, nan=np.inf)
+    violations = np.nan_to_num(residuals.violations / nlp.row_scale, nan=np.inf)
     if not violations.size or violations.max() <= 1e-6:
         return []
     row = int(np.argmax(violations))
     block = next(b for b in nlp.blocks if b.first <= row < b.first + b.count)
     place, label = divmod(row - block.first, len(block.labels))
-    time = times[0] + (times[-1] - times[0]) * block.fractions[place]
-    what = "dynamics" if block.name == "dynamics" else "bounds"
-    return [
-        f"Most violated: the {what} of {block.labels[label]}, by {violations[row]:.3g} "
-        f"at t = {time:.6g}."
-    ]
+    time = times[0] + (times[-1] - times[0]) * block.fractions[min(place, len(block.fractions) - 1)]
+    what = f"the {block.name}"
+    if block.name in ("dynamics", "control bounds"):
+        what += f" of {block.labels[label]}"
+    return [f"Most violated: {what}, by {violations[row]:.3g} at t = {time:.6g}."]
 
 
 def _not_finite(
-    model: Model, times: Array, states: Array, controls: Array, parameters: Array
+    model: Model, times: Array, states: Array, controls: Array, parameters: Array, where: str
 ) -> list[str]:
     """Name the first expression that is infinite or undefined, its node and the values there."""
+    import casadi as ca
+
     p = np.tile(parameters[:, None], (1, len(times)))
-    xdot, running = model.right_hand_side.map(len(times))(states.T, controls.T, p, times)
-    values = np.vstack([np.array(xdot), np.array(running).reshape(1, -1)])
-    bad = ~np.isfinite(values)
-    if not bad.any():
-        return []
-    node = int(np.argmax(bad.any(axis=0)))
-    names = [f"dynamics.{name}" for name in labels(model.states)] + ["cost.lagrange"]
-    name = names[int(np.argmax(bad[:, node]))]
-    named = zip(
-        labels(model.states) + labels(model.controls),
-        np.append(states[node], controls[node]),
-        strict=True,
-    )
-    at = ", ".join(f"{label} = {value:.6g}" for label, value in named)
-    return [f"{name} is not finite at node {node}, t = {times[node]:.6g}: {at}."]
+    arguments = [model.x, model.u, model.p, model.t]
+    unknowns = ca.vertcat(model.x, model.u, model.p)
+    for name, expression in _along(model):
+        for value, what in (
+            (expression, "is not finite"),
+            (ca.jacobian(expression, unknowns), "is finite, but its slope is not,"),
+        ):
+            function = ca.Function("value", arguments, [ca.vec(ca.densify(value))])
+            found = np.array(function.map(len(times))(states.T, controls.T, p, times))
+            bad = ~np.isfinite(found).all(axis=0)
+            if bad.any():
+                node = int(np.argmax(bad))
+                at = _named(model, states[node], controls[node], parameters)
+                return [f"{name} {what} {where} node {node}, t = {times[node]:.6g}: {at}."]
+    ends = (states[0], times[0], states[-1], times[-1], parameters)
+    if not np.isfinite(float(model.end_cost(*ends))):
+        at = _named(model, states[-1], controls[-1], parameters)
+        return [f"cost.mayer is not finite at t = {times[-1]:.6g}: {at}."]
+    return []
+
+
+def _not_finite_nearby(
+    model: Model, times: Array, states: Array, controls: Array, parameters: Array
+) -> list[str]:
+    """Name an expression that is undefined next to a point at which all are defined.
+
+    The solver met it on its way, at a point that it does not hand back.
+    """
+    size = np.maximum(np.abs(states).max(axis=0), 1e-3)
+    for far in (0.1, 0.5, 1.5):
+        for side in (-far, far):
+            shifted = states + side * size
+            if found := _not_finite(model, times, shifted, controls, parameters, "near"):
+                return found
+    return []
+
+
+def _along(model: Model) -> list[tuple[str, ca.SX]]:
+    """Return the formulas along the horizon with the names the problem file has for them."""
+    given = model.constraints
+    return [
+        *((f"dynamics.{v.name}", model.xdot[v.entries]) for v in model.states),
+        ("cost.lagrange", model.lagrange),
+        *((f"constraints.integral.{c.name}", c.value) for c in given.integral),
+        *((f"constraints.path.{c.name}", c.value) for c in given.path),
+    ]
+
+
+def _named(model: Model, state: Array, control: Array, parameters: Array) -> str:
+    names = labels(model.states) + labels(model.controls) + labels(model.parameters)
+    values = np.concatenate([state, control, parameters])
+    pairs = zip(names, values, strict=True)
+    return ", ".join(f"{name} = {value:.6g}" for name, value in pairs)

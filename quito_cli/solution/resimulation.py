@@ -62,6 +62,8 @@ class Resimulation:
 
     states: Array
     """(M+1, n_x) at the ends of the substeps."""
+    integrals: Array
+    """(n_q,): the Lagrange cost, then the integral constraints'."""
     cost: float
     """Lagrange and Mayer, of the minimisation."""
     accuracy: float
@@ -97,9 +99,9 @@ def resimulate(
         if change <= STANDS_STILL or finer >= MOST_STEPS or many or not np.isfinite(change):
             break
         before = after
-    states, lagrange = after[:, :-1], float(after[-1, -1])
+    states, integrals = after[:, : model.n_x], after[-1, model.n_x :]
     mayer = float(model.end_cost(start, times[0], states[-1], times[1], parameters))
-    return Resimulation(states, lagrange + mayer, change)
+    return Resimulation(states, integrals, float(integrals[0]) + mayer, change)
 
 
 def _relative_change(before: Array, after: Array) -> float:
@@ -110,11 +112,11 @@ def _relative_change(before: Array, after: Array) -> float:
 
 
 def _step(model: Model) -> ca.Function:
-    """Return ([x; cost], controls at the stages, [t; h], p) ↦ [x; cost] one step later."""
+    """Return ([x; integrals], û at the stages, [t; h], p) ↦ [x; integrals] one step later."""
     import casadi as ca
 
     n = model.n_x
-    y, times = ca.SX.sym("y", n + 1), ca.SX.sym("times", 2)
+    y, times = ca.SX.sym("y", n + model.n_q), ca.SX.sym("times", 2)
     u, p = ca.SX.sym("u", model.n_u, len(_C)), ca.SX.sym("p", model.n_p)
     t, h = times[0], times[1]
     slopes: list[ca.SX] = []
@@ -122,8 +124,8 @@ def _step(model: Model) -> ca.Function:
         at = y[:n]
         for a, slope in zip(row, slopes, strict=True):
             at += h * a * slope[:n]
-        xdot, cost = model.right_hand_side(at, u[:, i], p, t + _C[i] * h)
-        slopes.append(ca.vertcat(xdot, cost))
+        xdot, integrands = model.right_hand_side(at, u[:, i], p, t + _C[i] * h)
+        slopes.append(ca.vertcat(xdot, integrands))
     after = y
     for b, slope in zip(_B, slopes, strict=True):
         after += h * b * slope
@@ -139,7 +141,7 @@ def _integrate(
     start: Array,
     parameters: Array,
 ) -> Array:
-    """Return [x; cost] at the ends of the substeps, (M+1, n_x+1)."""
+    """Return [x; integrals] at the ends of the substeps, (M+1, n_x + n_q)."""
     mesh, each = control.mesh, substeps * finer
     begins = np.arange(each) / each
     offsets = (begins[:, None] + _C / each).ravel()
@@ -149,9 +151,9 @@ def _integrate(
     h = np.repeat(mesh.steps, each) * horizon / each
     cells, places = mesh.points(begins)
     t = times[0] + horizon * (mesh.fractions[cells] + places * mesh.steps[cells])
-    stages = u.reshape(count, len(_C), -1).transpose(2, 0, 1).reshape(u.shape[1], -1)
+    stages = u.reshape(count * len(_C), u.shape[1]).T
     p = np.tile(parameters[:, None], (1, count))
-    y = np.append(start, 0.0)
+    y = np.append(start, np.zeros(step.size1_in(0) - len(start)))
     found, many = [y[:, None]], step.mapaccum(min(count, _AT_A_TIME))
     for first in range(0, count, _AT_A_TIME):
         part = slice(first, first + _AT_A_TIME)

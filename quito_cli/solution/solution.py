@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from quito_cli.solution.trajectory import Trajectory
 from quito_cli.solution.violations import Violation
@@ -41,6 +41,9 @@ class Origin:
     """What was set beside it: (name, value)."""
     states: tuple[Quantity, ...]
     controls: tuple[Quantity, ...]
+    parameters: tuple[Quantity, ...]
+    free_times: bool
+    """Whether the initial or the final time was an unknown."""
     maximize: bool
 
 
@@ -125,6 +128,8 @@ class Solution:
     basis: ControlBasis
     coefficients: Array
     """(count, n_u) of the control."""
+    parameters: Array
+    """(n_p,) unknowns constant in time."""
     costates: Array
     """(N+1, n_x) at the nodes: λ = ∂V/∂x of the minimisation, unscaled."""
     multipliers: Mapping[str, Array]
@@ -138,6 +143,11 @@ class Solution:
     reference: ReferenceSamples | None
     """None where the file has none that applies."""
 
+    def __post_init__(self) -> None:
+        for value in (*vars(self).values(), *vars(self.trajectory).values()):
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+
     @property
     def success(self) -> bool:
         """Whether the recomputed residuals are within ten times the tolerance."""
@@ -149,7 +159,7 @@ class Solution:
         start, end = self.times[0], self.times[-1]
         return Mesh((self.times - start) / (end - start))
 
-    def control(self, t: float | Array) -> Array:
+    def control(self, t: ArrayLike) -> Array:
         """Return û at times t, (len(t), n_u), continuous from the right; ends hold beyond."""
         start, end = self.times[0], self.times[-1]
         times = np.clip(np.atleast_1d(np.asarray(t, dtype=float)), start, end)
@@ -159,11 +169,11 @@ class Solution:
         offsets = (times - self.times[cells]) / np.diff(self.times)[cells]
         return self.basis.evaluate(self.coefficients, cells, np.clip(offsets, 0.0, 1.0))
 
-    def state(self, t: float | Array) -> Array:
+    def state(self, t: ArrayLike) -> Array:
         """Return the states at times t, (len(t), n_x), interpolated by the scheme's order."""
         return self.trajectory(np.atleast_1d(np.asarray(t, dtype=float)))
 
-    def costate(self, t: float | Array) -> Array:
+    def costate(self, t: ArrayLike) -> Array:
         """Return the costates at times t, (len(t), n_x), linear between the nodes."""
         times = np.atleast_1d(np.asarray(t, dtype=float))
         columns = [np.interp(times, self.times, column) for column in self.costates.T]

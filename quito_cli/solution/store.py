@@ -20,6 +20,7 @@ import json
 import os
 import platform
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -49,6 +50,8 @@ Array = NDArray[np.float64]
 
 FORMAT = "quito result"
 FORMAT_VERSION = 1
+DAMAGED = (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError)
+"""What h5py and numpy raise for a file whose bytes or layout are not what they should be."""
 _BY_CONTROL = ("total_variation", "ringing")
 _SENTENCES = ("warnings", "diagnosis")
 
@@ -67,7 +70,8 @@ def write_aside(path: Path, write: Callable[[Path], None]) -> None:
     except OSError as error:
         raise ResultFileError(f"{path} cannot be written: {error.strerror or error}") from None
     finally:
-        aside.unlink(missing_ok=True)
+        with suppress(OSError):
+            aside.unlink()
 
 
 def save(solution: Solution, path: Path) -> None:
@@ -95,7 +99,7 @@ def load(path: Path) -> Solution:
         with h5py.File(path, "r") as file:
             _check_format(file, path)
             return _read(file)
-    except (OSError, KeyError, ValueError, TypeError) as error:
+    except DAMAGED as error:
         raise ResultFileError(f"{path} is no result of quito, or damaged: {error}") from None
 
 
@@ -165,7 +169,7 @@ def _write(file: h5py.File, solution: Solution) -> None:
     _write_dense(_Group(file, "dense"), solution)
     _write_control(_Group(file, "control"), solution)
     multipliers = _Group(file, "multipliers")
-    for name, values in solution.multipliers.items():
+    for name, values in sorted(solution.multipliers.items()):
         key = name.replace(" ", "_")
         for i, kind in enumerate(("place", "row")):
             multipliers.axis(f"{key}_{kind}", np.arange(values.shape[i]))
@@ -174,7 +178,7 @@ def _write(file: h5py.File, solution: Solution) -> None:
     iterations = _Group(file, "iterations")
     length = max((len(values) for values in solution.history.values()), default=0)
     iterations.axis("iteration", np.arange(length))
-    for name, values in solution.history.items():
+    for name, values in sorted(solution.history.items()):
         iterations.data(name, values, "iteration")
     _write_statistics(_Group(file, "statistics"), solution)
 
@@ -186,9 +190,10 @@ def _write_problem(into: _Group, solution: Solution) -> None:
     attributes["name"], attributes["title"] = origin.name, origin.title
     attributes["sha256"] = hashlib.sha256(origin.text.encode()).hexdigest()
     attributes["changes"] = json.dumps(origin.changes)
-    attributes["options"] = json.dumps(dict(solution.options), sort_keys=True)
-    attributes["maximize"] = origin.maximize
-    for kind, quantities in (("state", origin.states), ("control", origin.controls)):
+    attributes["options"] = json.dumps(dict(solution.options))
+    attributes["free_times"], attributes["maximize"] = origin.free_times, origin.maximize
+    kinds = {"state": origin.states, "control": origin.controls, "parameter": origin.parameters}
+    for kind, quantities in kinds.items():
         into.axis(kind, _texts(q.name for q in quantities))
         into.data(f"{kind}_unit", _texts(q.unit for q in quantities), kind)
         into.data(f"{kind}_lower", np.array([q.lower for q in quantities]), kind)
@@ -246,6 +251,8 @@ def _write_control(into: _Group, solution: Solution) -> None:
     into.axis("control_name", _texts(q.name for q in solution.origin.controls))
     into.data("coefficients", solution.coefficients, "index", "control_name")
     into.data("mesh", solution.times, "node")
+    into.axis("parameter_name", _texts(q.name for q in solution.origin.parameters))
+    into.data("parameters", solution.parameters, "parameter_name")
     into.group.attrs["generating_function"] = basis.function.name
     into.group.attrs["variance"] = basis.variance
     into.group.attrs["normalised"] = basis.normalised
@@ -300,6 +307,7 @@ def _read(file: h5py.File) -> Solution:
         ),
         basis,
         control["coefficients"][:],
+        control["parameters"][:],
         file["trajectory/costate"][:],
         {d.attrs["block"]: d[:] for d in file["multipliers"].values() if "block" in d.attrs},
         _read_evidence(file["statistics"], statistics),
@@ -324,6 +332,8 @@ def _read_origin(group: h5py.Group) -> Origin:
         tuple((key, value) for key, value in json.loads(attributes["changes"])),
         quantities("state"),
         quantities("control"),
+        quantities("parameter"),
+        bool(attributes["free_times"]),
         bool(attributes["maximize"]),
     )
 

@@ -13,6 +13,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from quito_cli.transcription.hermite import hermite
+
 Array = NDArray[np.float64]
 
 
@@ -37,9 +39,12 @@ class Trajectory:
         h = (self.times[j + 1] - self.times[j])[:, None]
         s = (times - self.times[j])[:, None] / h
         before, after = self.states[j], self.states[j + 1]
-        linear = before + s * (after - before)
         if self.interpolation == "linear":
-            return linear
-        rise = after - before
-        bend = (1 - s) * (h * self.start_slopes[j] - rise) - s * (h * self.end_slopes[j] - rise)
-        return np.asarray(linear + s * (1 - s) * bend)
+            return before + s * (after - before)
+        slopes = self.start_slopes[j], self.end_slopes[j]
+        with np.errstate(invalid="ignore", over="ignore"):
+            cubic = hermite(before, after, *slopes, h, s)
+            linear = before + s * (after - before)
+        known = np.isfinite(slopes[0]) & np.isfinite(slopes[1])  # undefined dynamics have none
+        inner = np.where(known, cubic, linear)
+        return np.where(s == 0, before, np.where(s == 1, after, inner))

@@ -1,7 +1,7 @@
 """How much a control moves, and whether it rings.
 
 Total variation is that of samples on a grid much finer than the cells. The ringing index is one
-formula for every method: the energy of the second differences of the samples, jump zones of eight
+formula for every method: the energy of the second differences of the samples, jump zones of twelve
 cells left out, relative to that of the reference where there is one, else of the control's own
 running mean over four cells; never relative to less than second differences of `FLOOR` of the
 control's span. An index up to about one is a control without ringing.
@@ -10,12 +10,17 @@ control's span. An index up to about one is a control without ringing.
 from __future__ import annotations
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
 JUMP = 0.05
-"""A change within two cells above this fraction of the control's span is a jump, not ringing."""
+"""A change within two cells above this fraction of the control's span may be a jump."""
+ZONE = 12
+"""Cells on either side of a jump that a quasi-interpolant may need to get over it."""
+STEEPER = 4.0
+"""A jump is this much steeper than what is usual within sixteen cells of it."""
 FLOOR = 1e-4
 """Second differences of this fraction of the span are seen by nobody."""
 
@@ -37,7 +42,7 @@ def ringing_index(samples: Array, width: int, reference: Array | None = None) ->
     if span == 0.0:
         return 0.0
     smooth = _running_mean(samples, 4 * width) if reference is None else reference
-    calm = ~_jump_zones(smooth, 8 * width, JUMP * span)[1:-1]
+    calm = ~_jump_zones(smooth, width, JUMP * span)[1:-1]
     energy = float(np.sum(np.diff(samples, 2)[calm] ** 2))
     expected = float(np.sum(np.diff(smooth, 2)[calm] ** 2))
     return energy / max(expected, float(calm.sum()) * (FLOOR * span) ** 2, np.finfo(float).tiny)
@@ -49,10 +54,15 @@ def _running_mean(samples: Array, width: int) -> Array:
 
 
 def _jump_zones(samples: Array, width: int, limit: float) -> NDArray[np.bool_]:
-    """Return the points within `width` of a change above `limit` over half of that width."""
-    half = max(width // 2, 1)
-    change = np.abs(samples[half:] - samples[:-half]) > limit
+    """Return the points within `ZONE` cells of a jump, with `width` points a cell."""
     zones = np.zeros(len(samples), dtype=bool)
-    for start in np.nonzero(change)[0]:
-        zones[max(start - width, 0) : start + half + width] = True
+    nodes = samples[::width]
+    if len(nodes) < 3:
+        return zones
+    change = np.abs(nodes[2:] - nodes[:-2])
+    around = np.pad(change, 16, mode="reflect") if len(change) > 16 else change[None, :]
+    windows = sliding_window_view(around, 33) if len(change) > 16 else around
+    usual = np.median(windows, axis=-1)
+    for cell in np.nonzero((change > limit) & (change > STEEPER * usual))[0] + 1:
+        zones[max((cell - ZONE) * width, 0) : (cell + ZONE) * width + 1] = True
     return zones

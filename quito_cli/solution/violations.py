@@ -1,14 +1,14 @@
-"""The largest violation of every bound and end condition, between the nodes too."""
+"""The largest violation of every bound, end condition and constraint, between the nodes too."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.problem.model import Bounds, Model, labels
+from quito_cli.problem.model import Bounds, Constraint, Model, labels
 
 Array = NDArray[np.float64]
 
@@ -31,42 +31,106 @@ class Violation:
         return self.amount / self.scale
 
 
-def violations(model: Model, times: Array, states: Array, controls: Array) -> tuple[Violation, ...]:
-    """Return the worst point of every bound and end condition on a dense grid, worst first.
+@dataclass(frozen=True)
+class Dense:
+    """An answer on a grid much finer than the cells."""
+
+    times: Array
+    """(points,) increasing, from the initial to the final time."""
+    states: Array
+    """(points, n_x)."""
+    controls: Array
+    """(points, n_u)."""
+    parameters: Array
+    """(n_p,)."""
+
+    def values(self, model: Model, constraint: Constraint) -> tuple[Array, Array]:
+        """Return a path constraint's value and size on the grid, (points, rows) each."""
+        p = np.tile(self.parameters[:, None], (1, len(self.times)))
+        at = (self.states.T, self.controls.T, p, self.times)
+        functions = (model.function(constraint), model.size(constraint))
+        value, size = (np.array(f.map(len(self.times))(*at)).T for f in functions)
+        return value, size
+
+
+def violations(model: Model, dense: Dense, integrals: Array) -> tuple[Violation, ...]:
+    """Return the worst point of every condition, worst first.
 
     Args:
         model: the problem.
-        times: (points,) increasing, from the initial to the final time.
-        states: (points, n_x).
-        controls: (points, n_u).
+        dense: the answer on a dense grid.
+        integrals: (n_q,) of the running cost and the integral constraints.
     """
-    ends = slice(0, 1), slice(-1, None)
-    initial = [f"initial({name})" for name in labels(model.states)]
-    final = [f"final({name})" for name in labels(model.states)]
-    found = [
-        *_of(labels(model.states), model.state_bounds, times, states, states),
-        *_of(labels(model.controls), model.control_bounds, times, controls, controls),
-        *_of(tuple(initial), model.initial, times[ends[0]], states[ends[0]], states),
-        *_of(tuple(final), model.final, times[ends[1]], states[ends[1]], states),
-    ]
+    return worst_first(_all(model, dense, integrals))
+
+
+def worst_first(found: Iterable[Violation]) -> tuple[Violation, ...]:
+    """Return violations ordered by their amount over their scale."""
     return tuple(sorted(found, key=lambda violation: -violation.relative))
 
 
-def _of(
+def _all(model: Model, dense: Dense, integrals: Array) -> Iterator[Violation]:
+    times, states = dense.times, dense.states
+    first, last = slice(0, 1), slice(-1, None)
+    names, controls = labels(model.states), labels(model.controls)
+    initial = tuple(f"initial({name})" for name in names)
+    final = tuple(f"final({name})" for name in names)
+    yield from _bounds(names, model.state_bounds, times, states, states)
+    yield from _bounds(controls, model.control_bounds, times, dense.controls, dense.controls)
+    yield from _bounds(initial, model.initial, times[first], states[first], states)
+    yield from _bounds(final, model.final, times[last], states[last], states)
+    parameters = dense.parameters[None, :]
+    yield from _bounds(
+        labels(model.parameters), model.parameter_bounds, times[first], parameters, parameters
+    )
+    for constraint in model.constraints.path:
+        yield _constraint(constraint, times, *dense.values(model, constraint))
+    for constraint in model.constraints.point:
+        assert constraint.at is not None
+        at = int(np.argmin(np.abs(times - (times[0] + constraint.at * (times[-1] - times[0])))))
+        values, sizes = dense.values(model, constraint)
+        yield _constraint(constraint, times[[at]], values[[at]], sizes[[at]])
+    ends = (states[0], times[0], states[-1], times[-1], dense.parameters)
+    stacked = [np.array(side).reshape(1, -1) for side in model.boundary_values(*ends)]
+    at = 0
+    for constraint in model.constraints.boundary:
+        rows = slice(at, at + len(constraint.bounds.lower))
+        yield _constraint(constraint, times[last], *(side[:, rows] for side in stacked))
+        at = rows.stop
+    for constraint, value in zip(model.constraints.integral, integrals[1:], strict=True):
+        integral = np.array([[value]])
+        yield _constraint(constraint, times[last], integral, np.abs(integral))
+
+
+def _bounds(
     names: tuple[str, ...], bounds: Bounds, times: Array, values: Array, everywhere: Array
 ) -> Iterator[Violation]:
     for i, name in enumerate(names):
         lower, upper = float(bounds.lower[i]), float(bounds.upper[i])
-        size = float(np.max(np.abs(everywhere[:, i])))
-        scale = max(upper - lower if np.isfinite(upper - lower) else 0.0, size) or 1.0
+        scale = _scale(lower, upper, everywhere[:, i])
         if lower == upper:
-            amounts = np.abs(values[:, i] - lower)
-            yield _worst(f"{name} = {lower:g}", times, amounts, scale)
+            yield _worst(f"{name} = {lower:g}", times, np.abs(values[:, i] - lower), scale)
             continue
         if np.isfinite(lower):
             yield _worst(f"{name} >= {lower:g}", times, lower - values[:, i], scale)
         if np.isfinite(upper):
             yield _worst(f"{name} <= {upper:g}", times, values[:, i] - upper, scale)
+
+
+def _constraint(constraint: Constraint, times: Array, values: Array, sizes: Array) -> Violation:
+    lower, upper = constraint.bounds
+    outside = np.maximum(lower - values, values - upper)
+    limits = np.where(np.isfinite(lower), np.abs(lower), 0.0)
+    limits = np.maximum(limits, np.where(np.isfinite(upper), np.abs(upper), 0.0))
+    size = np.maximum(sizes.max(axis=0), limits)
+    worst = int(np.argmax(np.nan_to_num(outside.max(axis=0) / np.where(size > 0, size, 1.0))))
+    name = f"{constraint.name}: {' '.join(constraint.text.split())}"
+    return _worst(name, times, outside[:, worst], float(size[worst]) or 1.0)
+
+
+def _scale(lower: float, upper: float, values: Array) -> float:
+    size = float(np.max(np.abs(values)))
+    return max(upper - lower if np.isfinite(upper - lower) else 0.0, size) or 1.0
 
 
 def _worst(name: str, times: Array, amounts: Array, scale: float) -> Violation:

@@ -6,7 +6,7 @@ import io
 import sys
 import time
 from collections.abc import Sequence
-from contextlib import redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from typing import Any
 
 import casadi as ca
@@ -61,7 +61,7 @@ class _Watch(ca.Callback):
             "lam_p": 0,
         }
         self._iteration = 0
-        self.best: tuple[tuple[float, float], dict[str, ca.DM]] | None = None
+        self.best: tuple[bool, float, dict[str, ca.DM]] | None = None
         self.construct("watch", {})
 
     def get_n_in(self) -> int:
@@ -85,9 +85,10 @@ class _Watch(ca.Callback):
         g, f = np.array(point["g"]).ravel(), float(point["f"])
         rows = np.maximum(self._nlp.row_lower - g, g - self._nlp.row_upper)
         violation = float(np.max(rows, initial=0.0))
-        merit = (0.0, f) if violation <= FEASIBLE else (violation, f)
-        if self.best is None or merit < self.best[0]:
-            self.best = merit, point
+        # The latest iterate is the best, but for a feasible and cheaper one before it.
+        feasible = violation <= FEASIBLE
+        if self.best is None or not self.best[0] or (feasible and f <= self.best[1]):
+            self.best = feasible, f, point
         if self._listener is not None:
             cost = f / self._nlp.objective_scale
             self._listener(Progress(self._iteration, cost, violation))
@@ -112,6 +113,7 @@ def _settings(
         "print_time": False,
         "show_eval_warnings": False,
         "error_on_fail": False,
+        "inputs_check": False,  # it only prints about problems with too many conditions
         "iteration_callback": watch,
         "grad_f": nlp.assembled.gradient,
         "jac_g": nlp.assembled.jacobian,
@@ -157,7 +159,7 @@ def solve(
         )
     status = STATUSES.get(said, Status.FAILED)
     if status is Status.INTERRUPTED and watch.best is not None:
-        point = watch.best[1]
+        point = watch.best[2]
     found = {name: np.array(point[name]).ravel() for name in ("x", "lam_x", "lam_g")}
     return Outcome(
         status,
@@ -188,7 +190,7 @@ def _built(program: dict[str, ca.MX], settings: dict[str, Any]) -> ca.Function:
     """Return the solver; what IPOPT prints about a wrong option becomes the message."""
     printed = io.StringIO()
     try:
-        with redirect_stdout(printed):
+        with redirect_stdout(printed), redirect_stderr(printed):
             return ca.nlpsol("quito", "ipopt", program, settings)
     except RuntimeError as error:
         lines = [line.strip() for line in printed.getvalue().splitlines() if line.strip()]

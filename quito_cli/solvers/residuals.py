@@ -32,8 +32,6 @@ class Residuals:
     stationarity: float
     feasibility: float
     complementarity: float
-    gradient: Array
-    """∇(f + λ_gᵀg), (n_w,): bounds not counted; of use for costates at the ends."""
     violations: Array
     """(n_g,) by row."""
 
@@ -46,6 +44,12 @@ class Residuals:
 
 def _violation(values: Array, lower: Array, upper: Array) -> Array:
     return np.maximum(np.maximum(lower - values, values - upper), 0.0)
+
+
+def _of_bounds(multipliers: Array, lower: Array, upper: Array) -> Array:
+    """Return multipliers with those of bounds that do not exist set to zero."""
+    exists = np.where(multipliers > 0, np.isfinite(upper), np.isfinite(lower))
+    return np.where(exists, multipliers, 0.0)
 
 
 def _slackness(values: Array, lower: Array, upper: Array, multipliers: Array) -> Array:
@@ -61,23 +65,22 @@ def residuals(nlp: Nlp, outcome: Outcome) -> Residuals:
     gradient = np.array(assembled.gradient(w, [])[1]).ravel()
     rows, jacobian = assembled.jacobian(w, [])
     g = np.array(rows).ravel()
-    gradient = gradient + np.array(jacobian.T @ outcome.lam_g).ravel()
-    lam_w = np.where(outcome.lam_w > 0, np.where(np.isfinite(nlp.upper), outcome.lam_w, 0.0), 0.0)
-    lam_w += np.where(outcome.lam_w < 0, np.where(np.isfinite(nlp.lower), outcome.lam_w, 0.0), 0.0)
+    lam_g = _of_bounds(outcome.lam_g, nlp.row_lower, nlp.row_upper)
+    lam_w = _of_bounds(outcome.lam_w, nlp.lower, nlp.upper)
+    gradient = gradient + np.array(jacobian.T @ lam_g).ravel()
     free = nlp.lower < nlp.upper
-    multipliers = np.concatenate([outcome.lam_g, lam_w])
+    multipliers = np.concatenate([lam_g, lam_w])
     scale = max(100.0, float(np.mean(np.abs(multipliers)))) / 100.0
     violations = _violation(g, nlp.row_lower, nlp.row_upper)
     slackness = np.concatenate(
         [
             _slackness(w, nlp.lower, nlp.upper, lam_w),
-            _slackness(g, nlp.row_lower, nlp.row_upper, outcome.lam_g),
+            _slackness(g, nlp.row_lower, nlp.row_upper, lam_g),
         ]
     )
     return Residuals(
         float(np.max(np.abs(gradient + lam_w)[free], initial=0.0)) / scale,
         float(np.max(np.concatenate([violations, _violation(w, nlp.lower, nlp.upper)]))),
         float(np.max(slackness, initial=0.0)) / scale,
-        gradient,
         violations,
     )

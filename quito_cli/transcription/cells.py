@@ -2,22 +2,24 @@
 
     z = [ shared | x_k | x_{k+1} | own unknowns of the cell | û at the offsets, one after another ]
     θ = [ τ_k | τ_{k+1} − τ_k ]
-    y = [ residuals, the defect first for explicit schemes | quadrature of the Lagrange cost ]
+    y = [ residuals | integrals: Lagrange cost, integral constraints | path constraints, by offset ]
 
 Explicit schemes compose their substeps inside, so that the NLP does not grow; implicit ones have
-the states between substeps, and their stages, as unknowns of the cell.
+the states between substeps, and their stages, as unknowns of the cell. Path constraints at offsets
+inside a substep take the state there from the cubic through its ends and their slopes.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.problem.model import Model
+from quito_cli.problem.model import Constraint, Model
 from quito_cli.transcription.control import ControlBasis
+from quito_cli.transcription.hermite import hermite
 from quito_cli.transcription.layout import Layout
 from quito_cli.transcription.mesh import Mesh
 from quito_cli.transcription.schemes import Scheme
@@ -56,6 +58,17 @@ class Discretization:
         return Layout.of(model, self.mesh.cells, self.own_vectors, self.basis.count)
 
 
+PathPoints = Literal["nodes", "substeps"]
+
+
+@dataclass(frozen=True)
+class PathOutput:
+    """A path constraint and the offsets (indices) at which a cell imposes it."""
+
+    constraint: Constraint
+    places: tuple[int, ...]
+
+
 @dataclass(frozen=True)
 class CellFunctions:
     """What happens in one cell, symbolically."""
@@ -65,7 +78,9 @@ class CellFunctions:
     inner: ca.Function
     """(z, θ) ↦ states at the ends of the substeps, (n_x, R+1)."""
     residuals: int
-    """Length of y without the quadrature."""
+    """Length of the residuals in y."""
+    path: tuple[PathOutput, ...]
+    """What follows residuals and integrals in y: by constraint, by place, by entry."""
 
 
 @dataclass(frozen=True)
@@ -105,24 +120,65 @@ def _symbols(model: Model, layout: Layout, offsets: int) -> _Symbols:
     return _Symbols(z, ca.SX.sym("theta", 2), t0, tf, p, x0, x1, own, controls)
 
 
-def cell_functions(model: Model, method: Discretization) -> CellFunctions:
-    """Return the functions of a cell."""
+def cell_functions(
+    model: Model, method: Discretization, path_points: PathPoints | None
+) -> CellFunctions:
+    """Return the functions of a cell.
+
+    Args:
+        model: the problem.
+        method: mesh, control and scheme.
+        path_points: where path constraints hold: at the nodes or at all offsets; None takes the
+            offsets for inequalities with a control, the nodes for constraints of states alone, and
+            for equalities with a control as many points as determine it.
+    """
+    import casadi as ca
+
+    offsets = method.offsets
+    s = _symbols(model, method.layout(model), len(offsets))
+    ends, residuals, integrals = _integrated(model, method, s)
+    path = tuple(
+        PathOutput(constraint, _places(constraint, offsets, path_points))
+        for constraint in model.constraints.path
+    )
+    values = [
+        model.function(output.constraint)(*_point(model, method, s, ends, place))
+        for output in path
+        for place in output.places
+    ]
+    stacked = ca.vertcat(*residuals)
+    y = ca.vertcat(stacked, integrals, *values)
+    return CellFunctions(
+        ca.Function("cell", [s.z, s.theta], [ca.cse(y)]),
+        ca.Function("inner", [s.z, s.theta], [ca.horzcat(*ends)]),
+        stacked.numel(),
+        path,
+    )
+
+
+def _times(s: _Symbols, substeps: int) -> tuple[ca.SX, ca.SX]:
+    """Return the start of the cell and the length of a substep."""
+    horizon = s.tf - s.t0
+    return s.t0 + horizon * s.theta[0], horizon * s.theta[1] / substeps
+
+
+def _integrated(
+    model: Model, method: Discretization, s: _Symbols
+) -> tuple[list[ca.SX], list[ca.SX], ca.SX]:
+    """Return the states at the ends of the substeps, the residuals, and the integrals."""
     import casadi as ca
 
     scheme, substeps, offsets = method.scheme, method.substeps, method.offsets
-    s = _symbols(model, method.layout(model), len(offsets))
-    horizon = s.tf - s.t0
-    h = horizon * s.theta[1] / substeps
-    start = s.t0 + horizon * s.theta[0]
+    start, h = _times(s, substeps)
 
     def f(x: ca.SX, u: ca.SX, t: ca.SX) -> tuple[ca.SX, ca.SX]:
-        xdot, cost = model.right_hand_side(x, u, s.p, t)
-        return xdot, cost
+        xdot, integrands = model.right_hand_side(x, u, s.p, t)
+        return xdot, integrands
 
-    x, cost = s.x0, ca.SX(0)
+    x, integrals = s.x0, ca.SX.zeros(model.n_q)
     ends, residuals = [x], []
     for j in range(substeps):
-        u = [s.controls[int(np.argmin(abs(offsets - (j + c) / substeps)))] for c in scheme.offsets]
+        u = [s.controls[_index(offsets, (j + c) / substeps)] for c in scheme.offsets]
         if scheme.explicit:
             x, q = scheme.residual(f, x, ca.SX.zeros(model.n_x), [], u, start + j * h, h)
         else:
@@ -132,13 +188,46 @@ def cell_functions(model: Model, method: Discretization) -> CellFunctions:
             residual, q = scheme.residual(f, x, after, stages, u, start + j * h, h)
             residuals.append(residual)
             x = after
-        cost += q
+        integrals += q
         ends.append(x)
     if scheme.explicit:
         residuals.append(x - s.x1)
-    stacked = ca.vertcat(*residuals)
-    return CellFunctions(
-        ca.Function("cell", [s.z, s.theta], [ca.cse(ca.vertcat(stacked, cost))]),
-        ca.Function("inner", [s.z, s.theta], [ca.horzcat(*ends)]),
-        stacked.numel(),
-    )
+    return ends, residuals, integrals
+
+
+def _index(offsets: Array, offset: float) -> int:
+    return int(np.argmin(np.abs(offsets - offset)))
+
+
+def _places(
+    constraint: Constraint, offsets: Array, path_points: PathPoints | None
+) -> tuple[int, ...]:
+    """Return the offsets at which a cell may impose a constraint; its end belongs to the next.
+
+    An equality with a control determines û: it holds at as many points as there are coefficients,
+    the nodes and, for the ghosts, the middle of the first and last cells.
+    """
+    inside = [i for i, offset in enumerate(offsets) if offset < 1]
+    if path_points is None and constraint.determines_control:
+        middle = [i for i in inside if offsets[i] > 0]
+        return (0, min(middle, key=lambda i: abs(offsets[i] - 0.5))) if middle else (0,)
+    everywhere = constraint.uses_control if path_points is None else path_points == "substeps"
+    return tuple(inside) if everywhere else (0,)
+
+
+def _point(
+    model: Model, method: Discretization, s: _Symbols, ends: list[ca.SX], place: int
+) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    """Return x, u, p, t at an offset of the cell."""
+    offsets, substeps = method.offsets, method.substeps
+    start, h = _times(s, substeps)
+    j, u = int(offsets[place] * substeps + 1e-9), s.controls[place]
+    fraction = offsets[place] * substeps - j
+    t = start + (j + fraction) * h
+    if fraction < 1e-9:
+        return ends[j], u, s.p, t
+    before, after = (s.controls[_index(offsets, (j + c) / substeps)] for c in (0, 1))
+    slope0 = model.right_hand_side(ends[j], before, s.p, start + j * h)[0]
+    slope1 = model.right_hand_side(ends[j + 1], after, s.p, start + (j + 1) * h)[0]
+    x = hermite(ends[j], ends[j + 1], slope0, slope1, h, fraction)
+    return x, u, s.p, t

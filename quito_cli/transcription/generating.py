@@ -183,3 +183,33 @@ def check_variance(row: GeneratingFunction, variance: float) -> None:
         f"variance {variance:g} is too small for the generating function {row.name}: between the "
         f"nodes its sum of weights falls to {floor:.2g}; take at least {enough:g}"
     )
+
+
+def saturation(row: GeneratingFunction, variance: float, normalised: bool) -> float:
+    """Return the error that no refinement removes, for a control that crosses its range in a cell.
+
+    As printed it is that of a constant, max |D^(−1/2) Σ_j ψ((s−j)/√D) − 1|. Normalised weights
+    reproduce constants; what is left is the error for a straight line, max |Σ_j (j−s) w_j(s)|.
+    """
+    if not row.scaled:
+        return 0.0
+    s = np.linspace(0, 1, 65)
+    root = math.sqrt(variance)
+    width = math.ceil(reach(row.name) * root) + 1
+    distance = np.arange(-width, width + 2) - s[:, None]
+    weights = row.value(distance / root)
+    if not normalised:
+        return float(np.abs(weights.sum(axis=1) / root - 1).max())
+    weights = weights / weights.sum(axis=1, keepdims=True)
+    return float(np.abs((distance * weights).sum(axis=1)).max())
+
+
+def smallest_variance(row: GeneratingFunction, normalised: bool, limit: float) -> float:
+    """Return the smallest variance whose saturation is at most `limit`, to two per cent."""
+    low, high = 1e-2, 100.0
+    while high / low > 1.02:
+        middle = math.sqrt(low * high)
+        low, high = (
+            (low, middle) if saturation(row, middle, normalised) <= limit else (middle, high)
+        )
+    return high

@@ -1,16 +1,57 @@
-"""Where the solver starts: the line between the end conditions, the middle of the bounds."""
+"""Where the solver starts: what the file says; else the line between the end conditions, the middle
+of the bounds."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.problem.model import Bounds, Model
+from quito_cli.problem.model import Bounds, GuessFunction, Model, Variable
 from quito_cli.transcription.control import ControlBasis
 from quito_cli.transcription.layout import Layout
 from quito_cli.transcription.mesh import Mesh
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Note:
+    """What had to be done to the guess of a variable."""
+
+    section: str
+    variable: str
+    message: str
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A guess of everything, within bounds."""
+
+    times: tuple[float, float]
+    parameters: Array
+    """(n_p,)."""
+    fractions: Array
+    """(N+1,) of the nodes."""
+    states: Array
+    """(N+1, n_x) at the nodes."""
+    controls: Array
+    """(N+1, n_u) at the nodes."""
+    notes: tuple[Note, ...]
+    """What had to be done to it."""
+
+    def unknowns(self, basis: ControlBasis, layout: Layout) -> Array:
+        """Return the guess of all unknowns, (n_w,)."""
+        free = (layout.free_initial_time, layout.free_final_time)
+        times = [time for time, unknown in zip(self.times, free, strict=True) if unknown]
+        nodes = np.arange(len(self.fractions))
+        own = np.repeat(self.states[:-1], layout.own, axis=0)
+        coefficients = [np.interp(basis.centres, nodes, column) for column in self.controls.T]
+        table = np.array(coefficients).reshape(len(coefficients), basis.count).T
+        return np.concatenate(
+            [times, self.parameters, self.states.ravel(), own.ravel(), table.ravel()]
+        )
 
 
 def middle(bounds: Bounds, otherwise: Array) -> Array:
@@ -22,25 +63,69 @@ def middle(bounds: Bounds, otherwise: Array) -> Array:
         return np.where(closed, (lower + upper) / 2, inside)
 
 
-def initial_guess(model: Model, mesh: Mesh, basis: ControlBasis, layout: Layout) -> Array:
-    """Return a guess of all unknowns."""
+def make_guess(model: Model, mesh: Mesh) -> Guess:
+    """Return the guess on a mesh."""
+    start, end = model.initial_time.guess, model.final_time.guess
+    times = start + (end - start) * mesh.fractions
+    notes: list[Note] = []
+    states = _line(model, mesh)
+    _follow(states, model.states, model.hints.states, times)
+    states = _clipped(states, model.state_bounds, "states", model.states, notes)
+    states[0], states[-1] = np.clip(states[0], *model.initial), np.clip(states[-1], *model.final)
+    centre = middle(model.control_bounds, np.zeros(model.n_u))
+    controls = np.tile(centre, (mesh.cells + 1, 1))
+    _follow(controls, model.controls, model.hints.controls, times)
+    controls = _clipped(controls, model.control_bounds, "controls", model.controls, notes)
+    default = middle(model.parameter_bounds, np.zeros(model.n_p))
+    parameters = np.where(np.isnan(model.hints.parameters), default, model.hints.parameters)
+    parameters = _clipped(
+        parameters[None, :], model.parameter_bounds, "parameters", model.parameters, notes
+    )[0]
+    return Guess((start, end), parameters, mesh.fractions, states, controls, tuple(notes))
+
+
+def _line(model: Model, mesh: Mesh) -> Array:
+    """Return the line between the end conditions; constant where only one end is given."""
     centre = middle(model.state_bounds, np.zeros(model.n_x))
     start, end = middle(model.initial, centre), middle(model.final, centre)
     free_start = ~model.initial.fixed & model.final.fixed
     free_end = ~model.final.fixed & model.initial.fixed
     start = np.where(free_start, np.clip(end, *model.initial), start)
     end = np.where(free_end, np.clip(start, *model.final), end)
-    nodes = start + (end - start) * mesh.fractions[:, None]
-    control = middle(model.control_bounds, np.zeros(model.n_u))
-    instants = (model.initial_time, model.final_time)
-    shared = [instant.guess for instant in instants if not instant.fixed]
-    inner = np.repeat(nodes[:-1], layout.own, axis=0)
-    return np.concatenate(
-        [
-            shared,
-            middle(model.parameter_bounds, np.zeros(model.n_p)),
-            nodes.ravel(),
-            inner.ravel(),
-            np.tile(control, basis.count),
-        ]
-    )
+    return np.asarray(start + (end - start) * mesh.fractions[:, None])
+
+
+def _follow(
+    values: Array,
+    variables: tuple[Variable, ...],
+    functions: tuple[GuessFunction | None, ...],
+    times: Array,
+) -> None:
+    """Write what the file says over the default."""
+    for variable, function in zip(variables, functions, strict=True):
+        if function is not None:
+            values[:, variable.entries] = function(times)
+
+
+def _clipped(
+    values: Array,
+    bounds: Bounds,
+    section: str,
+    variables: tuple[Variable, ...],
+    notes: list[Note],
+) -> Array:
+    """Return values within bounds; what moved is noted, what is not finite replaced."""
+    default = middle(bounds, np.zeros(values.shape[1]))
+    finite = np.where(np.isfinite(values), values, default)
+    clipped = np.clip(finite, *bounds)
+    for variable in variables:
+        part = variable.entries
+        moved = np.abs(clipped - finite)[:, part] > 1e-9 * (1 + np.abs(finite[:, part]))
+        if not np.isfinite(values[:, part]).all():
+            message = f"the guess of {variable.name} is not finite everywhere; replaced there"
+        elif np.any(moved):
+            message = f"the guess of {variable.name} was clipped to its bounds"
+        else:
+            continue
+        notes.append(Note(section, variable.name, message))
+    return np.asarray(clipped)

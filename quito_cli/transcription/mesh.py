@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from quito_cli.errors import UsageError
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
@@ -25,6 +27,31 @@ class Mesh:
     def uniform(cls, cells: int) -> Mesh:
         """Return N cells of equal length."""
         return cls(np.linspace(0.0, 1.0, cells + 1))
+
+    @classmethod
+    def through(cls, cells: int, points: Array) -> Mesh:
+        """Return N cells, as equal as can be, with a node at each of `points` (fractions).
+
+        Raises:
+            UsageError: there are more pieces than cells.
+        """
+        ends = np.unique(np.concatenate([[0.0, 1.0], points]))
+        pieces = len(ends) - 1
+        if pieces > cells:
+            raise UsageError(
+                f"{cells} cells cannot have nodes at {pieces - 1} inner points: take more --steps"
+            )
+        shares = np.maximum(np.round(np.diff(ends) * cells), 1).astype(int)
+        while shares.sum() != cells:  # rounding: take from, or give to, where cells are smallest
+            step = 1 if shares.sum() < cells else -1
+            lengths = np.diff(ends) / shares
+            candidates = np.where((shares > 1) | (step > 0), lengths * step, -np.inf)
+            shares[int(np.argmax(candidates))] += step
+        parts = [
+            np.linspace(a, b, n, endpoint=False)
+            for a, b, n in zip(ends[:-1], ends[1:], shares, strict=True)
+        ]
+        return cls(np.append(np.concatenate(parts), 1.0))
 
     @property
     def cells(self) -> int:

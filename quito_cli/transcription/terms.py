@@ -67,13 +67,14 @@ class Gather:
         self._columns.append(unknowns[used])
         self._values.append(weights[used])
 
-    def matrix(self, unknowns: int) -> ca.DM:
-        """Return S, (count · size, unknowns)."""
+    def matrix(self, scale: Array) -> ca.DM:
+        """Return S, (count · size, unknowns), for unknowns in units of `scale`."""
+        columns = np.concatenate(self._columns)
         return sparse(
-            (self.count * self.size, unknowns),
+            (self.count * self.size, len(scale)),
             np.concatenate(self._rows),
-            np.concatenate(self._columns),
-            np.concatenate(self._values),
+            columns,
+            np.concatenate(self._values) * scale[columns],
         )
 
 
@@ -107,11 +108,11 @@ class Term:
         """Whether any output enters f."""
         return bool(self.weights.any())
 
-    def scatter(self, rows: int) -> ca.DM:
-        """Return P, (rows, n_y · count)."""
+    def scatter(self, scale: Array) -> ca.DM:
+        """Return P, (rows, n_y · count), for rows multiplied by `scale`."""
         flat = self.rows.T.ravel()
         (used,) = np.nonzero(flat != NOWHERE)
-        return sparse((rows, flat.size), flat[used], used, np.ones(used.size))
+        return sparse((len(scale), flat.size), flat[used], used, scale[flat[used]])
 
 
 @dataclass(frozen=True)
@@ -171,9 +172,11 @@ class Assembled:
     """(x, p, σ, λ) ↦ upper triangle of ∇²(σf + λᵀg)."""
 
 
-def assemble(terms: tuple[Term, ...], unknowns: int, rows: int) -> Assembled:
-    """Return objective, constraints and derivatives of the sum of `terms`."""
+def assemble(terms: tuple[Term, ...], unknowns: int, row_scale: Array) -> Assembled:
+    """Return objective, constraints (times `row_scale`) and derivatives of the sum of `terms`."""
     import casadi as ca
+
+    rows = len(row_scale)
 
     w, none = ca.MX.sym("w", unknowns), ca.MX.sym("p", 0, 1)
     sigma, lam = ca.MX.sym("sigma"), ca.MX.sym("lam", rows)
@@ -182,7 +185,7 @@ def assemble(terms: tuple[Term, ...], unknowns: int, rows: int) -> Assembled:
     hessian = ca.MX(unknowns, unknowns)
     for term in terms:
         count, local = term.count, term.local
-        S, P, c = ca.MX(term.gather), ca.MX(term.scatter(rows)), term.weights
+        S, P, c = ca.MX(term.gather), ca.MX(term.scatter(row_scale)), term.weights
         Z = ca.reshape(S @ w, -1, count)
         theta = ca.MX(ca.DM(term.parameters))
         Y = term.function.map(count)(Z, theta)

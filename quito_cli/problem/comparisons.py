@@ -1,0 +1,150 @@
+"""Comparisons of the file -> constraints lower ≤ value ≤ upper.
+
+Where one side of a comparison is constant it becomes a bound of the other; otherwise the difference
+is bounded by zero. A chain with constants at both ends is two-sided; any other is taken apart.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from quito_cli.problem.complaints import Complaint
+from quito_cli.problem.expressions import (
+    Comparison,
+    ExpressionError,
+    evaluate,
+    parse_comparison,
+)
+from quito_cli.problem.model import Bounds, Constraint
+from quito_cli.problem.scopes import Scope, Scopes
+from quito_cli.problem.values import Path
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+_WRITE = {"<": "<=", ">": ">="}
+
+
+def read_comparison(
+    scopes: Scopes, path: Path, text: str, scope: Scope, name: str
+) -> Constraint | None:
+    """Return the constraint that `text` says, or None after a complaint."""
+    try:
+        comparison = parse_comparison(text)
+        if scopes.reader.is_poisoned(n for side in comparison.sides for n in side.names):
+            return None
+        _check_operators(comparison, text)
+        sides = [
+            evaluate(
+                side,
+                scope.values,
+                refused=scope.refused,
+                initial=scope.initial,
+                final=scope.final,
+                tables=scopes.tables,
+            )
+            for side in comparison.sides
+        ]
+        _check_shapes(comparison, sides)
+        value, bounds = _bounded(comparison, sides)
+    except ExpressionError as error:
+        complaint = Complaint(path, error.message, error.offset, error.length)
+        scopes.reader.complaints.append(complaint)
+        return None
+    import casadi as ca
+
+    return Constraint(
+        name,
+        text,
+        value,
+        bounds,
+        _size(sides, value),
+        bool(scopes.n_x) and bool(ca.depends_on(value, scopes.x)),
+        bool(scopes.n_u) and bool(ca.depends_on(value, scopes.u)),
+    )
+
+
+def _check_operators(comparison: Comparison, text: str) -> None:
+    operators = comparison.operators
+    for wrong in ("<", ">", "!="):
+        if wrong in operators:
+            remedy = f"write {_WRITE[wrong]}" if wrong in _WRITE else "write <=, >= or =="
+            message = f"'{wrong}' cannot be held by a solver: {remedy}"
+            raise ExpressionError(message, max(text.find(wrong), 0), len(wrong))
+    if len(operators) > 2:
+        raise ExpressionError("a chain has three sides at most: low <= value <= high", 0, len(text))
+    if len(operators) == 2 and (operators[0] != operators[1] or operators[0] == "=="):
+        message = f"a chain goes one way: {operators[0]} and then {operators[1]} do not"
+        raise ExpressionError(message, 0, len(text))
+
+
+def _check_shapes(comparison: Comparison, sides: list[ca.SX]) -> None:
+    rows = {side.numel() for side in sides} - {1}
+    if len(rows) > 1 or any(side.shape[1] != 1 for side in sides):
+        shapes = ", ".join("x".join(map(str, side.shape)) for side in sides)
+        first = comparison.sides[0]
+        message = f"the sides of a comparison have one size, or are scalars; these are {shapes}"
+        raise ExpressionError(message, 0, len(first.text))
+
+
+def _bounded(comparison: Comparison, sides: list[ca.SX]) -> tuple[ca.SX, Bounds]:
+    """Return value and bounds of a comparison with sides ascending or equal."""
+    import casadi as ca
+
+    operators = comparison.operators
+    size = max(side.numel() for side in sides)
+    sides = [ca.repmat(side, size // side.numel(), 1) for side in sides]
+    if operators[0] == ">=":
+        sides = sides[::-1]
+    known = [_numbers(side) for side in sides]
+    if all(side is not None for side in known):
+        text = comparison.sides[0].text
+        message = "both sides are constants: this constrains nothing"
+        raise ExpressionError(message, 0, len(text))
+    infinite = np.full(size, np.inf)
+    if len(sides) == 3:
+        low, middle, high = known
+        if low is not None and middle is None and high is not None:
+            if np.any(low > high):
+                message = f"the chain allows nothing: {low[0]:g} is above {high[0]:g}"
+                raise ExpressionError(message, 0, len(comparison.sides[0].text))
+            return sides[1], Bounds(low, high)
+        gaps = ca.vertcat(sides[1] - sides[0], sides[2] - sides[1])
+        return gaps, Bounds(np.zeros(2 * size), np.tile(infinite, 2))
+    equal = operators[0] == "=="
+    low, high = known
+    if high is not None:
+        return sides[0], Bounds(high if equal else -infinite, high)
+    if low is not None:
+        return sides[1], Bounds(low, low if equal else infinite)
+    zero = np.zeros(size)
+    return sides[0] - sides[1], Bounds(zero if equal else -infinite, zero)
+
+
+def _size(sides: list[ca.SX], value: ca.SX) -> ca.SX:
+    """Return the size of the largest side, row by row."""
+    import casadi as ca
+
+    rows = max(side.numel() for side in sides)
+    size = ca.SX.zeros(rows)
+    for side in sides:
+        size = ca.fmax(size, ca.fabs(ca.repmat(side, rows // side.numel(), 1)))
+    return ca.repmat(size, value.numel() // rows, 1)
+
+
+def _numbers(side: ca.SX) -> np.ndarray | None:
+    """Return a constant side as numbers.
+
+    Raises:
+        ExpressionError: a constant that is not finite.
+    """
+    import casadi as ca
+
+    if not side.is_constant():
+        return None
+    numbers = np.array(ca.DM(side)).ravel()
+    if not np.isfinite(numbers).all():
+        raise ExpressionError("a side of the comparison is not finite", 0, 1)
+    return numbers
