@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from quito_cli import __version__
+from quito_cli.cli.check import check
 from quito_cli.cli.list import list_problems
 from quito_cli.cli.plot import plot
 from quito_cli.cli.schema import schema
@@ -50,6 +51,7 @@ def _quito(
 
 
 app.command("solve")(solve)
+app.command("check")(check)
 app.command("list")(list_problems)
 app.command("show")(show)
 app.command("plot")(plot)
@@ -67,9 +69,6 @@ def main() -> None:
     except QuitoError as error:
         print(f"quito: {error}" if "\n" not in str(error) else str(error), file=sys.stderr)
         sys.exit(error.exit_code)
-    except KeyboardInterrupt:
-        print("quito: interrupted", file=sys.stderr)
-        sys.exit(130)
     except MemoryError:
         print("quito: out of memory; try fewer --steps", file=sys.stderr)
         sys.exit(1)
@@ -85,3 +84,4 @@ def main() -> None:
         sys.exit(1)
     finally:
         gc.freeze()  # nor at the exit
+        gc.enable()

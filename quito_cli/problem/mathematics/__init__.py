@@ -1,0 +1,5 @@
+"""Problem -> text: the problem as a paper states it, in unicode or LaTeX."""
+
+from quito_cli.problem.mathematics.statement import render
+
+__all__ = ["render"]
