@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from quito_cli.cli.text import columns, labelled
+from quito_cli.cli.text import columns, labelled, plain
 
 if TYPE_CHECKING:
     from quito_cli.solution.solution import Solution
@@ -43,6 +43,15 @@ def as_dictionary(solution: Solution, result: Path | None, plot: Path | None) ->
         "resimulated_cost": evidence.resimulated_cost,
         "resimulation_gap": evidence.resimulation_gap,
         "terminal_gap": evidence.terminal_gap,
+        "parameters": dict(
+            zip(
+                [quantity.name for quantity in solution.origin.parameters],
+                [float(value) for value in solution.parameters],
+                strict=True,
+            )
+        ),
+        "initial_time": float(solution.times[0]),
+        "final_time": float(solution.times[-1]),
         "total_variation": dict(zip(names, evidence.total_variation, strict=True)),
         "ringing": dict(zip(names, evidence.ringing, strict=True)),
         "warnings": list(evidence.warnings),
@@ -73,16 +82,16 @@ def print_solution(
         "Solved." if good else "Not solved.", bold=True, fg="green" if good else "red"
     )
     paragraphs = [
-        typer.style(solution.origin.title or solution.origin.name, bold=True)
+        typer.style(plain(solution.origin.title or solution.origin.name), bold=True)
         + f"\n{word} {solution.status.value}"
-        + "".join(f"\n  {sentence}" for sentence in solution.evidence.diagnosis),
+        + "".join(f"\n  {plain(sentence)}" for sentence in solution.evidence.diagnosis),
         labelled(_figures(solution)),
     ]
     if verbose:
         paragraphs += [_all_violations(solution), labelled(_options(solution))]
     if solution.evidence.warnings:
         mark = typer.style("Warning:", bold=True, fg="yellow")
-        paragraphs.append("\n".join(f"{mark} {text}" for text in solution.evidence.warnings))
+        paragraphs.append("\n".join(f"{mark} {plain(text)}" for text in solution.evidence.warnings))
     written = [str(path) for path in files if path is not None]
     if written:
         paragraphs.append(f"Saved {' and '.join(written)}")
@@ -101,6 +110,11 @@ def _figures(solution: Solution) -> list[tuple[str, str]]:
         ("iterations", times),
         ("method", _method(solution.options)),
     ]
+    if solution.origin.free_times:
+        rows.append(("horizon", f"{solution.times[0]:.9g} to {solution.times[-1]:.9g}"))
+    if solution.origin.parameters:
+        found = zip(solution.origin.parameters, solution.parameters, strict=True)
+        rows.append(("parameters", ", ".join(f"{q.name} = {value:.9g}" for q, value in found)))
     if solution.origin.changes:
         changes = (f"{name} = {value}" for name, value in solution.origin.changes)
         rows.append(("set", ", ".join(changes)))
@@ -122,6 +136,8 @@ def _figures(solution: Solution) -> list[tuple[str, str]]:
         ("total variation", evidence.total_variation),
         ("ringing index", evidence.ringing),
     ):
+        if not names:
+            continue
         pairs = zip(names, values, strict=True)
         rows.append((label, ", ".join(f"{name} {value:.3g}" for name, value in pairs)))
     return rows
@@ -166,7 +182,11 @@ def _all_violations(solution: Solution) -> str:
 def _options(solution: Solution) -> list[tuple[str, str]]:
     statistics = solution.statistics
     return [
-        *((name.replace("_", "-"), str(value)) for name, value in solution.options.items()),
+        *(
+            (name.replace("_", "-"), "yes" if value is True else str(value))
+            for name, value in solution.options.items()
+            if value is not None and value != {}
+        ),
         ("program", f"{statistics.unknowns} unknowns, {statistics.constraints} constraints"),
         ("solver", f"{statistics.solver}: {statistics.solver_said}"),
     ]

@@ -45,6 +45,8 @@ def _show_problem(where: str, as_json: bool) -> None:
         data = problem.model_dump(mode="json", exclude_unset=True)
         typer.echo(json.dumps(data, ensure_ascii=False))
         return
-    heading = [typer.style(problem.title or problem.name, bold=True)]
-    notes = [note.strip() for note in (problem.source, problem.description) if note]
+    from quito_cli.cli.text import plain
+
+    heading = [typer.style(plain(problem.title or problem.name), bold=True)]
+    notes = [plain(note.strip()) for note in (problem.source, problem.description) if note]
     typer.echo("\n".join(heading + notes) + f"\n\n{problem.text.strip()}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -70,6 +71,18 @@ def solve(
         float | None,
         typer.Option(help="Factor of the cost in the solver. [default: by the cost's size]"),
     ] = None,
+    path_points: Annotated[
+        Literal["nodes", "substeps"] | None,
+        typer.Option(
+            help="Where path constraints hold. [default: substeps for those with a control, "
+            "nodes for those of states alone]",
+            show_default=False,
+        ),
+    ] = None,
+    guess: Annotated[
+        Path | None,
+        typer.Option(help="An earlier result to start from, whatever its mesh."),
+    ] = None,
     solver_option: Annotated[
         list[str] | None,
         typer.Option(metavar="KEY=VALUE", help="An option of IPOPT by its name; may be repeated."),
@@ -120,6 +133,8 @@ def solve(
             tolerance=tolerance,
             max_iterations=max_iterations,
             objective_scale=objective_scale,
+            path_points=path_points,
+            guess=guess,
             solver_options=solver_options or None,
         )
     result = output / f"{loaded.name}.h5"
@@ -154,13 +169,13 @@ def _solver_options(given: dict[str, str]) -> dict[str, Any]:
 
 
 def _usable(output: Path) -> None:
-    """Make the output folder now: a long solve must not end with nowhere to write."""
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-        probe = output / f".{output.name}.probe"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise UsageError(
-            f"the output folder {output} cannot be written: {error.strerror}"
-        ) from None
+    """Refuse a folder that cannot be written: a long solve must not end with nowhere to write.
+
+    It is not made yet: the problem or an option may still be refused.
+    """
+    folders = (output, *output.absolute().parents)
+    nearest = next(folder for folder in folders if os.path.lexists(folder))
+    if not nearest.is_dir():
+        raise UsageError(f"the output folder {output} cannot be made: {nearest} is not a folder")
+    if not os.access(nearest, os.W_OK | os.X_OK):
+        raise UsageError(f"the output folder {output} cannot be written: no permission")

@@ -11,9 +11,15 @@ from collections.abc import Sequence
 import typer
 
 
+def plain(text: str) -> str:
+    """Return text of a file without what would steer or colour the terminal."""
+    return "".join(c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in text)
+
+
 def columns(rows: Sequence[Sequence[str]], *, indent: str = "  ", header: bool = False) -> str:
     """Return rows with their columns aligned; a header is dimmed."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))] if rows else []
+    rows = [[plain(cell) for cell in row] for row in rows]
     lines = [
         indent + "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()
         for row in rows
@@ -27,5 +33,6 @@ def labelled(rows: Sequence[tuple[str, str]], *, indent: str = "  ") -> str:
     """Return `label  value` lines with the labels dimmed and aligned."""
     width = max((len(label) for label, _ in rows), default=0)
     return "\n".join(
-        f"{indent}{typer.style(label.ljust(width), dim=True)}  {value}" for label, value in rows
+        f"{indent}{typer.style(label.ljust(width), dim=True)}  {plain(value)}"
+        for label, value in rows
     )

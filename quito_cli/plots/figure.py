@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import math
+import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from quito_cli.errors import UsageError
 from quito_cli.solution.solution import Quantity, Solution
 from quito_cli.solution.store import write_aside
 
@@ -60,7 +62,7 @@ def _curves(
     times = solution.dense_times
     curves = []
     for i, quantity in enumerate(quantities):
-        unit = f" [{quantity.unit}]" if quantity.unit else ""
+        unit = f" [{_plain(quantity.unit)}]" if quantity.unit else ""
         reference = None if known is None or np.isnan(known[:, i]).all() else known[:, i]
         bounds = quantity.lower, quantity.upper
         label = quantity.name + unit
@@ -104,11 +106,17 @@ PANELS: dict[str, Callable[[Solution], list[Curve]]] = {
 
 
 def figure(solution: Solution, panels: Iterable[str]) -> Figure:
-    """Return the figure of `panels`, names of `PANELS` in the order wanted."""
+    """Return the figure of `panels`, names of `PANELS` in the order wanted.
+
+    Raises:
+        UsageError: there is nothing to draw in them.
+    """
     from matplotlib.figure import Figure
 
     groups = [PANELS[name](solution) for name in panels]
     rows = [group[i : i + _COLUMNS] for group in groups for i in range(0, len(group), _COLUMNS)]
+    if not rows:
+        raise UsageError(f"the problem has no {' or '.join(panels)} to draw")
     columns = max(len(row) for row in rows)
     drawn = Figure(
         figsize=(1.2 + 3.6 * max(columns, 2), 1.1 + 2.2 * len(rows)), layout="constrained"
@@ -127,10 +135,15 @@ def figure(solution: Solution, panels: Iterable[str]) -> Figure:
     return drawn
 
 
+def _plain(text: str) -> str:
+    """Return text that matplotlib does not take for mathematics."""
+    return text.replace("$", r"\$")
+
+
 def _heading(solution: Solution) -> str:
     failed = "" if solution.success else "NOT SOLVED: "
     title = solution.origin.title or solution.origin.name
-    return f"{failed}{title}\ncost {solution.cost:.8g}, {len(solution.times) - 1} cells"
+    return f"{failed}{_plain(title)}\ncost {solution.cost:.8g}, {len(solution.times) - 1} cells"
 
 
 def _draw(axes: Axes, curve: Curve) -> None:
@@ -182,4 +195,6 @@ def draw(solution: Solution, panels: Iterable[str], path: Path) -> None:
     dateless = {"Date": None} if path.suffix == ".svg" else {}
     if path.suffix == ".pdf":
         dateless = {"CreationDate": None}
-    write_aside(path, lambda aside: drawn.savefig(aside, dpi=150, metadata=dateless))
+    with warnings.catch_warnings():  # a title may have letters that the font has not
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")
+        write_aside(path, lambda aside: drawn.savefig(aside, dpi=150, metadata=dateless))

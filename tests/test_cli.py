@@ -1,0 +1,1022 @@
+"""The command line: what each command prints, writes and exits with."""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import pty
+import re
+import select
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import quito_cli as quito
+from quito_cli.cli.app import main
+from quito_cli.errors import QuitoError
+from quito_cli.problem.build import build
+from quito_cli.problem.load import load_text
+from quito_cli.solvers.outcome import Status
+
+ROOT = Path(__file__).parent.parent
+ACCEPTED = ROOT / "tests" / "problems" / "accepted"
+BUNDLED = sorted(path.stem for path in (ROOT / "problems").glob("*.yaml"))
+COMMANDS = ("solve", "check", "list", "show", "plot", "schema")
+MAGIC = {"png": b"\x89PNG\r\n\x1a\n", "pdf": b"%PDF-", "svg": b"<?xml"}
+HEAVY = ("casadi", "h5py", "matplotlib", "numpy", "pydantic", "yaml")
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+
+PUSH = """\
+title: Push to one
+time: {initial: 0, final: 1}
+states: {x: {initial: 0, final: 1}}
+controls: {u: {lower: -3, upper: 3}}
+dynamics: {x: u}
+cost: {lagrange: u^2}
+"""
+"""u = 1 and J = 1."""
+TOO_FAR = PUSH.replace("final: 1}}", "final: 5}}")
+"""With |u| <= 3, x ends at 3 at most: 2 are missing."""
+
+
+@dataclass(frozen=True)
+class Ran:
+    """What is left of a run."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def json(self) -> Any:
+        return json.loads(self.out)
+
+
+Quito = Callable[..., Ran]
+
+
+@pytest.fixture(autouse=True)
+def garbage_is_collected() -> Iterator[None]:
+    """A command turns the collector off for good; the tests have more to come."""
+    yield
+    gc.unfreeze()
+    gc.enable()
+
+
+@pytest.fixture
+def quito_(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path
+) -> Quito:
+    """Run a command in this process, in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: str | Path) -> Ran:
+        monkeypatch.setattr(sys, "argv", ["quito", *map(str, arguments)])
+        capfd.readouterr()
+        code = 0
+        try:
+            main()
+        except SystemExit as left:
+            code = left.code if isinstance(left.code, int) else int(left.code is not None)
+        printed = capfd.readouterr()
+        assert "Traceback" not in printed.err
+        return Ran(code, printed.out, printed.err)
+
+    return run
+
+
+def process(*arguments: str, folder: Path, **environment: str) -> Ran:
+    """Run a command in a process of its own, its output in pipes."""
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-m", "quito_cli", *arguments],
+        cwd=folder,
+        env={**ENVIRONMENT, **environment},
+        capture_output=True,
+        encoding="utf-8",
+        timeout=60,
+        check=False,
+    )
+    return Ran(done.returncode, done.stdout, done.stderr)
+
+
+def written(folder: Path) -> set[str]:
+    return {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
+
+
+def problem(folder: Path, text: str = PUSH, name: str = "push.yaml") -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+# solve: files and figures
+
+
+def test_the_command_of_the_readme(quito_: Quito, tmp_path: Path) -> None:
+    ran = quito_("solve", ROOT / "problems" / "alychan.yaml", "-N", "100", "--variance", "2")
+    assert (ran.code, ran.err) == (0, "")
+    assert written(tmp_path) == {"results/alychan.h5", "results/alychan.png"}
+    solution = quito.Solution.load(tmp_path / "results" / "alychan.h5")
+    assert solution.success
+    assert solution.cost == pytest.approx(0, abs=1e-8)
+    lines = ran.out.splitlines()
+    assert lines[0] == "Aly-Chan problem, singular on the whole horizon"
+    assert lines[1].startswith("Solved.")
+    for word in ("cost", "iterations", "residuals", "re-simulated", "violation", "ringing"):
+        assert re.search(rf"^  {word}", ran.out, re.MULTILINE), word
+    assert lines[-1] == "Saved results/alychan.h5 and results/alychan.png"
+    assert all(line == line.rstrip() for line in lines)
+
+
+OPTIONS: list[tuple[tuple[str, ...], str, Any]] = [
+    (("-N", "7"), "steps", 7),
+    (("--steps", "7"), "steps", 7),
+    (("--variance", "1.5"), "variance", 1.5),
+    *(
+        (("--generating-function", given), "generating_function", name)
+        for i, name in enumerate(
+            ("gaussian", "laguerre4", "laguerre6", "hermite10", "trigonometric", "sech"), start=1
+        )
+        for given in (name, str(i))
+    ),
+    (("--as-printed",), "normalised", False),
+    (("--normalised",), "normalised", True),
+    (("--control", "piecewise-constant"), "control", "piecewise-constant"),
+    (("--control", "piecewise-linear"), "control", "piecewise-linear"),
+    (("--control", "quasi-interpolant"), "control", "quasi-interpolant"),
+    (("--discretization", "euler"), "discretization", "euler"),
+    (("--substeps", "1"), "substeps", 1),
+    (("--tolerance", "1e-6"), "tolerance", 1e-6),
+    (("--max-iterations", "77"), "max_iterations", 77),
+    (("--objective-scale", "3"), "objective_scale", 3.0),
+    (
+        ("--solver-option", "mu_strategy=adaptive", "--solver-option", "mu_init=1e-3"),
+        "solver_options",
+        {"mu_strategy": "adaptive", "mu_init": 1e-3},
+    ),
+]
+
+
+@pytest.mark.parametrize(("arguments", "name", "value"), OPTIONS)
+def test_option(
+    quito_: Quito, tmp_path: Path, arguments: tuple[str, ...], name: str, value: Any
+) -> None:
+    few = () if name == "steps" else ("-N", "6")
+    ran = quito_("solve", problem(tmp_path), *few, *arguments, "--no-plot", "--json")
+    assert (ran.code, ran.err) == (0, "")
+    assert ran.json["options"][name] == value
+    solution = quito.Solution.load(tmp_path / "results" / "push.h5")
+    assert solution.options[name] == value
+    assert solution.cost == pytest.approx(1, abs=1e-6)
+
+
+def test_options_reach_the_solution(quito_: Quito, tmp_path: Path) -> None:
+    file = problem(tmp_path)
+    quito_("solve", file, "-N", "9", "--generating-function", "5", "--variance", "1.5", "-q")
+    solution = quito.Solution.load(tmp_path / "results" / "push.h5")
+    assert len(solution.times) == 10
+    assert (solution.basis.function.name, solution.basis.variance) == ("trigonometric", 1.5)
+    quito_("solve", file, "-N", "9", "--control", "piecewise-constant", "-q")
+    assert quito.Solution.load(tmp_path / "results" / "push.h5").basis.function.name == "box"
+
+
+def test_solver_options_reach_the_solver(quito_: Quito, tmp_path: Path) -> None:
+    ran = quito_("solve", problem(tmp_path), "--solver-option", "max_iter=1", "--json", "-N", "6")
+    assert (ran.code, ran.json["status"], ran.json["iterations"]) == (1, "iteration_limit", 1)
+
+
+@pytest.mark.parametrize("picture", MAGIC)
+def test_formats(quito_: Quito, tmp_path: Path, picture: str) -> None:
+    ran = quito_("solve", problem(tmp_path), "-N", "5", "--format", picture)
+    assert ran.code == 0
+    assert written(tmp_path) == {"push.yaml", "results/push.h5", f"results/push.{picture}"}
+    drawn = (tmp_path / "results" / f"push.{picture}").read_bytes()
+    assert drawn.startswith(MAGIC[picture])
+    assert len(drawn) > 5000
+
+
+def test_output_folder_is_made_with_its_parents(quito_: Quito, tmp_path: Path) -> None:
+    for folder in ("a/b", str(tmp_path / "c")):
+        ran = quito_("solve", problem(tmp_path), "-N", "5", "-o", folder, "--no-plot")
+        assert ran.code == 0
+        assert ran.out.endswith(f"Saved {folder}/push.h5\n")
+    assert written(tmp_path) == {"push.yaml", "a/b/push.h5", "c/push.h5"}
+
+
+def test_a_bundled_problem_by_name(quito_: Quito, tmp_path: Path) -> None:
+    ran = quito_("solve", "bang_bang", "-N", "8", "--no-plot", "--json")
+    assert (ran.code, ran.json["problem"]) == (0, "bang_bang")
+    assert written(tmp_path) == {"results/bang_bang.h5"}
+
+
+def test_a_file_here_comes_before_a_bundled_problem(quito_: Quito, tmp_path: Path) -> None:
+    problem(tmp_path, name="alychan")
+    assert quito_("solve", "alychan", "-N", "5", "--json").json["cost"] == pytest.approx(1)
+
+
+# solve: what is printed
+
+
+def test_json_is_one_object_and_nothing_else(quito_: Quito, tmp_path: Path) -> None:
+    ran = quito_("solve", problem(tmp_path), "-N", "8", "--json", "--verbose")
+    assert (ran.code, ran.err) == (0, "")
+    assert ran.out.count("\n") == 1
+    found = ran.json
+    assert set(found) >= {
+        *("problem", "status", "success", "cost", "iterations", "steps", "build_seconds"),
+        *("solve_seconds", "maximum_violation", "resimulation_gap", "total_variation"),
+        *("warnings", "hdf5", "plot"),
+    }
+    assert (found["problem"], found["status"], found["success"]) == ("push", "solved", True)
+    assert found["cost"] == pytest.approx(1)
+    assert found["steps"] == 8
+    assert found["total_variation"] == {"u": pytest.approx(0, abs=1e-3)}
+    assert found["maximum_violation"] <= 1e-8
+    assert found["resimulation_gap"] <= 1e-8
+    assert found["warnings"] == []
+    assert (found["hdf5"], found["plot"]) == ("results/push.h5", "results/push.png")
+    assert min(found["build_seconds"], found["solve_seconds"], found["iterations"]) > 0
+
+
+def test_json_has_no_plot_where_none_is_drawn(quito_: Quito, tmp_path: Path) -> None:
+    ran = quito_("solve", problem(tmp_path), "-N", "5", "--json", "--no-plot")
+    assert ran.json["plot"] is None
+
+
+def test_json_stays_json_where_nothing_is_finite(quito_: Quito, tmp_path: Path) -> None:
+    ran = quito_(
+        "solve", problem(tmp_path, PUSH.replace("lagrange: u^2", "lagrange: log(x - 9)")), "--json"
+    )
+    assert ran.code == 1
+    assert "NaN" not in ran.out
+    assert ran.json["cost"] is None
+    assert not ran.json["success"]
+
+
+def test_quiet_prints_nothing(quito_: Quito, tmp_path: Path) -> None:
+    assert quito_("solve", problem(tmp_path), "-N", "5", "--quiet") == Ran(0, "", "")
+    assert written(tmp_path) == {"push.yaml", "results/push.h5", "results/push.png"}
+    assert quito_("solve", problem(tmp_path, TOO_FAR), "-N", "5", "-q") == Ran(1, "", "")
+
+
+def test_verbose_prints_iterations_conditions_and_options(quito_: Quito, tmp_path: Path) -> None:
+    ran = quito_("solve", problem(tmp_path), "-N", "5", "--verbose", "--no-plot")
+    steps = [re.match(r"iteration +(\d+)   cost", line) for line in ran.err.splitlines()]
+    assert [int(step[1]) for step in steps if step] == list(range(len(steps)))
+    assert len(steps) > 2
+    for condition in ("u >= -3", "u <= 3", "initial(x) = 0", "final(x) = 1"):
+        assert condition in ran.out
+    assert re.search(r"^  generating-function +gaussian$", ran.out, re.MULTILINE)
+    assert re.search(r"^  solver +ipopt", ran.out, re.MULTILINE)
+
+
+def test_the_reference_is_compared_with(quito_: Quito, tmp_path: Path) -> None:
+    text = PUSH + "reference: {cost: 1}\n"
+    ran = quito_("solve", problem(tmp_path, text), "-N", "5", "--no-plot")
+    assert re.search(r"^  cost +1(\.0+1|), reference 1, difference [+-]", ran.out, re.MULTILINE)
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+def test_narrow_terminals_are_no_crash(tmp_path: Path, encoding: str) -> None:
+    file = ACCEPTED / "text_of_all_kinds.yaml"
+    narrow = {"PYTHONIOENCODING": encoding, "LC_ALL": "C"}
+    ran = subprocess.run(
+        [sys.executable, "-m", "quito_cli", "solve", str(file), "-N", "5", "--no-plot"],
+        cwd=tmp_path,
+        env={**ENVIRONMENT, **narrow},
+        capture_output=True,
+        timeout=60,
+        check=False,
+    )
+    assert ran.returncode == 0
+    assert b"Murmeltier: gr" in ran.stdout
+    assert ran.stderr == b""
+
+
+def test_letters_that_no_font_has_are_no_warning(tmp_path: Path) -> None:
+    file = ACCEPTED / "text_of_all_kinds.yaml"
+    assert process("solve", str(file), "-N", "5", "-q", folder=tmp_path) == Ran(0, "", "")
+    assert written(tmp_path) == {"results/text_of_all_kinds.h5", "results/text_of_all_kinds.png"}
+
+
+# --set
+
+
+def test_set_a_constant(quito_: Quito, tmp_path: Path) -> None:
+    """J = 4/(9 l) for the Bryson-Denham problem, in a reference that holds for every l."""
+    ran = quito_("solve", "bryson_denham", "--set", "l=1/8", "-N", "40", "--no-plot")
+    assert ran.code == 0
+    assert re.search(r"^  cost .* reference 3\.55555555", ran.out, re.MULTILINE)
+    assert re.search(r"^  set +l = 1/8$", ran.out, re.MULTILINE)
+    solution = quito.Solution.load(tmp_path / "results" / "bryson_denham.h5")
+    assert solution.cost == pytest.approx(32 / 9, rel=1e-2)
+    assert solution.origin.changes == (("l", "1/8"),)
+
+
+def test_set_drops_a_reference_that_does_not_follow(quito_: Quito) -> None:
+    whole = quito_("solve", "van_der_pol", "-N", "5", "--json", "--no-plot").json
+    ran = quito_("solve", "van_der_pol", "-N", "5", "--set", "mu=0.5", "--json", "--no-plot").json
+    assert whole["reference_cost"] == pytest.approx(0.7576179286593919)
+    assert ran["reference_cost"] is None
+    assert abs(ran["cost"] - whole["cost"]) > 0.01
+
+
+def test_set_a_value_by_its_path(quito_: Quito, tmp_path: Path) -> None:
+    """From 0 to 2 in a unit of time costs 4, from 1/2 to 2 in two of them 9/8."""
+    file = problem(tmp_path)
+    ran = quito_("solve", file, "-N", "5", "--set", "states.x.final=2", "--json", "--no-plot")
+    assert ran.json["cost"] == pytest.approx(4)
+    more = ("--set", "time.final=4/2", "--set", "states.x.initial=0.5")
+    ran = quito_(
+        "solve", file, "-N", "5", "--set", "states.x.final=2", *more, "--json", "--no-plot"
+    )
+    assert ran.json["cost"] == pytest.approx(9 / 8)
+
+
+REFUSED_SETTINGS = {
+    "nu=1": "did you mean 'mu'?",
+    "mu": "write NAME=VALUE",
+    "mu=": "write NAME=VALUE",
+    "=1": "write NAME=VALUE",
+    "states.x9.upper=1": "there is no 'states.x9'; did you mean 'x1'?",
+    "options.steps=4": "only time, states, controls, constants can be set",
+    "states.x1.initial.lower=1": "'states.x1.initial' is a single value",
+    "mu=wrong": "unknown name 'wrong'",
+    "mu=1e999": "not",
+    "mu=__import__('os')": "'__import__' is no name",
+    "states.x1.uper=1": "unknown key 'uper'; did you mean 'upper'?",
+    "time.final=-1": "the final time -1 is not after the initial time 0",
+    "controls.u.lower=2": "the upper bound 1 is below the lower bound 2",
+}
+
+
+@pytest.mark.parametrize("setting", REFUSED_SETTINGS)
+def test_refused_settings(quito_: Quito, tmp_path: Path, setting: str) -> None:
+    ran = quito_("solve", "van_der_pol", "--set", setting)
+    assert (ran.code, ran.out) == (2, "")
+    assert REFUSED_SETTINGS[setting] in ran.err
+    assert setting.partition("=")[0] in ran.err
+    assert written(tmp_path) == set()
+
+
+# Precedence
+
+
+def test_the_command_line_wins_over_the_file_and_the_file_over_defaults(
+    quito_: Quito, tmp_path: Path
+) -> None:
+    file = ACCEPTED / "options_of_a_file.yaml"
+    ran = quito_("solve", file, "--json", "--no-plot")
+    asked = {
+        "steps": 12,
+        "variance": 3.0,
+        "generating_function": "laguerre6",
+        "discretization": "euler",
+        "substeps": 1,
+        "tolerance": 1e-8,
+        "max_iterations": 50,
+        "objective_scale": 10.0,
+        "solver_options": {"mu_strategy": "adaptive", "mu_init": 1e-2, "acceptable_iter": 0},
+    }
+    unasked = {"path_points": None, "guess": None, "objective_scale": None}
+    usual = {"normalised": True, "control": "quasi-interpolant"}
+    assert ran.json["options"] == unasked | asked | usual
+    given = ("-N", "6", "--discretization", "rk4", "--solver-option", "mu_init=0.5")
+    ran = quito_("solve", file, *given, "--json", "--no-plot")
+    changed = {"steps": 6, "discretization": "rk4"}
+    merged = {"mu_strategy": "adaptive", "mu_init": 0.5, "acceptable_iter": 0}
+    assert {key: ran.json["options"][key] for key in asked} == asked | changed | {
+        "solver_options": merged
+    }
+    ran = quito_("solve", problem(tmp_path), "--json", "--no-plot")
+    defaults = {
+        "steps": 100,
+        "variance": 2.0,
+        "generating_function": "gaussian",
+        "normalised": True,
+        "control": "quasi-interpolant",
+        "discretization": "rk4",
+        "substeps": 2,
+        "tolerance": 1e-9,
+    }
+    assert {key: ran.json["options"][key] for key in defaults} == defaults
+
+
+def test_a_classical_control_drops_the_variance_of_the_file_but_not_one_given(
+    quito_: Quito,
+) -> None:
+    file = ACCEPTED / "options_of_a_file.yaml"
+    chosen = ("--control", "piecewise-constant", "--discretization", "rk4", "--no-plot")
+    assert quito_("solve", file, *chosen, "--json").json["success"]
+    ran = quito_("solve", file, *chosen, "--variance", "2")
+    assert (ran.code, ran.out) == (2, "")
+    assert "variance" in ran.err
+    assert "piecewise-constant" in ran.err
+
+
+# Other commands
+
+
+def test_list(quito_: Quito) -> None:
+    ran = quito_("list")
+    assert (ran.code, ran.err) == (0, "")
+    head, *rows = ran.out.splitlines()
+    assert head.split() == ["name", "states", "controls", "reference", "title"]
+    assert [row.split()[0] for row in rows] == BUNDLED
+    assert any("Van der Pol oscillator with bounded control" in row for row in rows)
+
+
+def test_list_as_json(quito_: Quito) -> None:
+    ran = quito_("list", "--json")
+    assert ran.out.count("\n") == 1
+    rows = {row["name"]: row for row in ran.json["problems"]}
+    assert sorted(rows) == BUNDLED
+    assert rows["alychan"]["states"] == 3
+    assert rows["alychan"]["controls"] == 1
+    assert rows["alychan"]["title"] == "Aly-Chan problem, singular on the whole horizon"
+
+
+def test_show_a_result_as_it_was_printed(quito_: Quito, tmp_path: Path) -> None:
+    solved = quito_("solve", problem(tmp_path), "-N", "6", "--verbose", "--no-plot")
+    shown = quito_("show", "results/push.h5")
+    assert shown.code == 0
+    printed = solved.out[: solved.out.index("\n\nSaved")]
+    assert sorted(shown.out.splitlines()) == sorted(printed.splitlines())
+
+
+def test_show_a_result_as_json(quito_: Quito, tmp_path: Path) -> None:
+    solved = quito_("solve", problem(tmp_path), "-N", "6", "--json").json
+    shown = quito_("show", "results/push.h5", "--json").json
+    assert shown == solved | {"plot": None}
+
+
+def test_show_tells_a_result_by_its_content(quito_: Quito, tmp_path: Path) -> None:
+    quito_("solve", problem(tmp_path), "-N", "6", "-q", "--no-plot")
+    shutil.move(tmp_path / "results" / "push.h5", tmp_path / "kept.yaml")
+    assert quito_("show", "kept.yaml").out.startswith("Push to one\nSolved.")
+
+
+def test_show_a_result_that_is_no_success(quito_: Quito, tmp_path: Path) -> None:
+    quito_("solve", problem(tmp_path, TOO_FAR), "-N", "6", "-q", "--no-plot")
+    ran = quito_("show", "results/push.h5")
+    assert ran.code == 0
+    assert "\nNot solved." in ran.out
+
+
+def test_show_a_problem(quito_: Quito, tmp_path: Path) -> None:
+    ran = quito_("show", problem(tmp_path))
+    assert (ran.code, ran.err) == (0, "")
+    assert ran.out == f"Push to one\n\n{PUSH}"
+    ran = quito_("show", "alychan", "--json")
+    assert ran.json["states"]["x2"] == {"initial": 1.0}
+    assert ran.json["time"]["final"] == "pi/2"
+
+
+def test_show_nothing_that_is_there(quito_: Quito) -> None:
+    ran = quito_("show", "results/bresan.h5")
+    assert (ran.code, ran.out, ran.err) == (2, "", "quito: there is no file results/bresan.h5\n")
+    ran = quito_("show", "bresan")
+    assert ran.code == 2
+    assert "did you mean 'bressan'?" in ran.err
+
+
+@pytest.mark.parametrize(
+    ("flags", "name"),
+    [
+        ((), "push.png"),
+        (("--states",), "push-states.png"),
+        (("--controls",), "push-controls.png"),
+        (("--costates",), "push-costates.png"),
+        (("--mesh",), "push-mesh.png"),
+        (("--mesh", "--costates"), "push-costates-mesh.png"),
+        (("--format", "svg", "--states", "--controls"), "push-states-controls.svg"),
+        (("--format", "pdf", "-o", "elsewhere"), "../elsewhere/push.pdf"),
+    ],
+)
+def test_plot(quito_: Quito, tmp_path: Path, flags: tuple[str, ...], name: str) -> None:
+    quito_("solve", problem(tmp_path), "-N", "6", "-q", "--no-plot")
+    before = written(tmp_path)
+    ran = quito_("plot", "results/push.h5", *flags)
+    assert (ran.code, ran.err) == (0, "")
+    drawn = tmp_path / "results" / name
+    (new,) = written(tmp_path) - before
+    assert tmp_path / new == drawn.resolve()
+    assert ran.out == f"Saved {new}\n"
+    assert drawn.read_bytes().startswith(MAGIC[drawn.suffix[1:]])
+    assert quito_("plot", "results/push.h5", *flags, "--quiet") == Ran(0, "", "")
+
+
+def test_plot_where_there_is_nothing_to_draw(quito_: Quito) -> None:
+    quito_("solve", ACCEPTED / "no_controls.yaml", "-N", "6", "-q", "--no-plot")
+    ran = quito_("plot", "results/no_controls.h5", "--controls")
+    assert (ran.code, ran.out) == (2, "")
+    assert ran.err == "quito: the problem has no controls to draw\n"
+
+
+def test_schema(quito_: Quito) -> None:
+    ran = quito_("schema")
+    assert (ran.code, ran.err) == (0, "")
+    assert ran.out == (ROOT / "schemas" / "problem.schema.json").read_text(encoding="utf-8")
+
+
+def test_version(quito_: Quito) -> None:
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert quito_("--version") == Ran(0, f"quito {version['version']}\n", "")
+    assert quito.__version__ == version["version"]
+
+
+def test_as_a_module(tmp_path: Path) -> None:
+    problem(tmp_path)
+    ran = process("solve", "push.yaml", "-N", "5", "--json", folder=tmp_path)
+    assert (ran.code, ran.err) == (0, "")
+    assert ran.json["cost"] == pytest.approx(1)
+    assert written(tmp_path) == {"push.yaml", "results/push.h5", "results/push.png"}
+
+
+# Help
+
+
+@pytest.mark.parametrize("command", ["", *COMMANDS])
+def test_help_says_what_there_is_and_loads_nothing_heavy(command: str, tmp_path: Path) -> None:
+    """Recent typer reads its own types by pydantic to help with a command; quito itself does not.
+
+    What of quito is loaded then must not be what needs pydantic.
+    """
+    code = (
+        "import sys\n"
+        "from quito_cli.cli.app import main\n"
+        "try:\n    main()\n"
+        "except SystemExit as left:\n    assert not left.code\n"
+        "print(*sys.modules, file=sys.stderr)\n"
+    )
+    arguments = [command] if command else []
+    ran = subprocess.run(
+        [sys.executable, "-c", code, *arguments, "--help"],
+        cwd=tmp_path,
+        env=ENVIRONMENT,
+        capture_output=True,
+        encoding="utf-8",
+        timeout=60,
+        check=True,
+    )
+    loaded = set(ran.stderr.split())
+    assert "quito_cli.cli.app" in loaded
+    allowed = {"pydantic"} if command else set()
+    assert loaded.isdisjoint(set(HEAVY) - allowed)
+    assert not any(name.startswith("quito_cli.problem") for name in loaded)
+    if command:
+        assert f"quito_cli {command}" in ran.stdout or f"-c {command}" in ran.stdout
+    else:
+        assert all(re.search(rf"^  {name} ", ran.stdout, re.MULTILINE) for name in COMMANDS)
+        assert "130 interrupted" in " ".join(ran.stdout.split())
+
+
+def test_help_names_every_option_with_its_default(quito_: Quito) -> None:
+    ran = quito_("solve", "--help")
+    text = " ".join(ran.out.split()).replace("quasi- ", "quasi-")
+    for option in (
+        *("--steps", "--variance", "--generating-function", "--discretization", "--substeps"),
+        *("--control", "--solver-option", "--tolerance", "--max-iterations", "--set", "--output"),
+        *("--format", "--no-plot", "--json", "--quiet", "--verbose"),
+    ):
+        assert option in text
+    for default in ("100", "2", "gaussian", "quasi-interpolant", "rk4", "1e-09", "1000", "results"):
+        assert f"[default: {default}]" in text
+
+
+def test_without_a_command_there_is_help(quito_: Quito) -> None:
+    ran = quito_()
+    assert ran.code == 2
+    assert "Commands:" in ran.out + ran.err
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("frobnicate",),
+        ("solve",),
+        ("solve", "alychan", "--stepps", "4"),
+        ("solve", "alychan", "-N", "many"),
+        ("solve", "alychan", "--format", "jpg"),
+        ("plot",),
+        ("show",),
+    ],
+)
+def test_a_wrong_command_line(quito_: Quito, tmp_path: Path, arguments: tuple[str, ...]) -> None:
+    ran = quito_(*arguments)
+    assert (ran.code, ran.out) == (2, "")
+    assert "Error:" in ran.err
+    assert written(tmp_path) == set()
+
+
+REFUSED_OPTIONS = {
+    ("-N", "0"): "steps: expected at least 1, got 0",
+    ("-N", "-5"): "steps: expected at least 1, got -5",
+    ("--substeps", "0"): "substeps: expected at least 1, got 0",
+    ("--variance", "-1"): "variance: expected a number above 0, got -1",
+    ("--variance", "nan"): "variance: expected a finite number, got nan",
+    ("--variance", "0.01"): "variance 0.01 is too small for the generating function gaussian",
+    ("--tolerance", "0"): "tolerance: expected a number above 0, got 0",
+    ("--tolerance", "2"): "tolerance: expected a number below 1, got 2",
+    ("--max-iterations", "-1"): "max-iterations: expected at least 0, got -1",
+    ("--objective-scale", "0"): "objective-scale: expected a number above 0, got 0",
+    ("--generating-function", "gausian"): "did you mean 'gaussian'?",
+    ("--generating-function", "7"): "generating-function: expected gaussian, laguerre4",
+    ("--control", "piecewise_constant"): "did you mean 'piecewise-constant'?",
+    ("--control", "piecewise-linea"): "did you mean 'piecewise-linear'?",
+    ("--discretization", "rk5"): "did you mean 'rk4'?",
+    ("--solver-option", "tol"): "--solver-option 'tol': write NAME=VALUE",
+    ("--solver-option", "no_such=1"): "no_such",
+    ("--solver-option", "mu_strategy=fast"): "mu_strategy",
+    ("--solver-option", "linear_solver=ma57"): "linear solver",
+}
+
+
+@pytest.mark.parametrize("arguments", REFUSED_OPTIONS)
+def test_refused_options(quito_: Quito, tmp_path: Path, arguments: tuple[str, str]) -> None:
+    steps = () if "-N" in arguments else ("-N", "5")
+    ran = quito_("solve", "bang_bang", *steps, *arguments)
+    assert (ran.code, ran.out) == (2, "")
+    assert ran.err.startswith("quito: ")
+    assert REFUSED_OPTIONS[arguments] in ran.err
+    assert not (tmp_path / "results").exists()
+
+
+# Exit codes
+
+
+def test_an_infeasible_problem(quito_: Quito, tmp_path: Path) -> None:
+    """The 2 that are missing are shared by the 10 cells: one of them misses 0.2 or more."""
+    ran = quito_("solve", problem(tmp_path, TOO_FAR), "-N", "10")
+    assert (ran.code, ran.err) == (1, "")
+    assert ran.out.splitlines()[1].startswith("Not solved.")
+    said = re.search(
+        r"^  Most violated: the \w+ of x, by (?P<amount>\S+) at t = (?P<time>[\d.]+)\.$",
+        ran.out,
+        re.MULTILINE,
+    )
+    assert said
+    assert 0.2 - 1e-3 <= float(said["amount"]) <= 2 + 1e-3
+    assert 0 <= float(said["time"]) <= 1
+    solution = quito.Solution.load(tmp_path / "results" / "push.h5")
+    assert (solution.status, solution.success) == (Status.INFEASIBLE, False)
+    assert (tmp_path / "results" / "push.png").is_file()
+    ran = quito_("solve", problem(tmp_path, TOO_FAR), "-N", "10", "--json")
+    assert (ran.code, ran.json["status"], ran.json["success"]) == (1, "infeasible", False)
+    assert ran.json["diagnosis"]
+
+
+def test_the_iteration_limit(quito_: Quito, tmp_path: Path) -> None:
+    ran = quito_("solve", "van_der_pol", "-N", "20", "--max-iterations", "2", "--no-plot")
+    assert (ran.code, ran.err) == (1, "")
+    assert "Not solved. The iteration limit was reached" in ran.out
+    assert "--max-iterations" in ran.out
+    solution = quito.Solution.load(tmp_path / "results" / "van_der_pol.h5")
+    assert solution.status is Status.ITERATION_LIMIT
+    assert solution.statistics.iterations == 2
+
+
+def test_an_expression_that_becomes_infinite_is_named(quito_: Quito, tmp_path: Path) -> None:
+    text = PUSH.replace("lagrange: u^2", "lagrange: u^2 + log(x - 9)")
+    ran = quito_("solve", problem(tmp_path, text), "-N", "5", "--no-plot")
+    assert ran.code == 1
+    assert "cost.lagrange is not finite at node 0, t = 0: x = 0" in ran.out
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("nothere.yaml", "there is no file nothere.yaml"),
+        ("alychn", "did you mean 'alychan'?"),
+        ("problems/van_der_pool.yaml", "did you mean 'van_der_pol'?"),
+        (".", ". is a folder"),
+        ("binary", "is not text in UTF-8"),
+    ],
+)
+def test_no_such_problem(quito_: Quito, tmp_path: Path, given: str, said: str) -> None:
+    (tmp_path / "binary").write_bytes(b"\xff\xfe\x00\x01")
+    ran = quito_("solve", given)
+    assert (ran.code, ran.out) == (2, "")
+    assert ran.err.startswith("quito: ")
+    assert said in ran.err
+    assert len(ran.err.splitlines()) == 1
+    assert written(tmp_path) == {"binary"}
+
+
+@pytest.mark.parametrize("output", ["taken", "taken/below"])
+def test_an_output_folder_that_cannot_be(quito_: Quito, tmp_path: Path, output: str) -> None:
+    (tmp_path / "taken").write_text("a file")
+    begun = time.perf_counter()
+    ran = quito_("solve", "van_der_pol", "-N", "20000", "-o", output)
+    assert time.perf_counter() - begun < 5, "it is said before the solve, not after"
+    assert (ran.code, ran.out) == (2, "")
+    assert ran.err.startswith(f"quito: the output folder {output} cannot be ")
+    assert (tmp_path / "taken").read_text() == "a file"
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is forbidden to root")
+def test_an_output_folder_that_is_forbidden(quito_: Quito, tmp_path: Path) -> None:
+    (tmp_path / "kept").mkdir(mode=0o500)
+    ran = quito_("solve", "bang_bang", "-N", "5", "-o", "kept/new")
+    assert (ran.code, ran.out) == (2, "")
+    assert "cannot be written" in ran.err
+
+
+def test_a_refused_run_leaves_results_as_they_are(quito_: Quito, tmp_path: Path) -> None:
+    file = problem(tmp_path)
+    quito_("solve", file, "-N", "5", "-q")
+    kept = {name: (tmp_path / name).read_bytes() for name in written(tmp_path)}
+    for arguments in (
+        ("--set", "nothing=1"),
+        ("--set", "states.x.initial=9", "--set", "states.x.upper=8"),
+        ("--variance", "0.01"),
+        ("--solver-option", "no_such=1"),
+        ("--format", "jpg"),
+    ):
+        assert quito_("solve", file, *arguments).code == 2
+    problem(tmp_path, PUSH.replace("u^2", "w^2"))
+    assert quito_("solve", file).code == 2
+    problem(tmp_path)
+    assert {name: (tmp_path / name).read_bytes() for name in written(tmp_path)} == kept
+
+
+def test_an_unforeseen_error_is_no_traceback(
+    quito_: Quito, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object) -> None:
+        raise RuntimeError("the very\nfoundations")
+
+    monkeypatch.setattr("quito_cli.problem.load.load", broken)
+    ran = quito_("solve", "alychan")
+    assert (ran.code, ran.out) == (1, "")
+    assert ran.err.startswith("quito: a bug in quito: RuntimeError: the very\n")
+    monkeypatch.setenv("QUITO_DEBUG", "1")
+    with pytest.raises(RuntimeError):
+        quito_("solve", "alychan")
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "said"),
+    [(KeyboardInterrupt, 130, ""), (MemoryError, 1, "quito: out of memory")],
+)
+def test_what_ends_a_run_early(
+    quito_: Quito,
+    monkeypatch: pytest.MonkeyPatch,
+    error: type[BaseException],
+    code: int,
+    said: str,
+) -> None:
+    def ended(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr("quito_cli.problem.load.load", ended)
+    ran = quito_("solve", "alychan")
+    assert (ran.code, ran.out) == (code, "")
+    assert ran.err.startswith(said)
+
+
+# On a terminal
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a terminal and a pipe have seen of a run."""
+
+    code: int
+    terminal: str
+    out: str
+
+
+def on_a_terminal(
+    *arguments: str, folder: Path, interrupt_at: str = "", stdout: bool = False
+) -> Seen:
+    """Run a command with stderr on a terminal; Ctrl-C as soon as a text is seen there."""
+    mine, theirs = pty.openpty()
+    with subprocess.Popen(
+        [sys.executable, "-m", "quito_cli", *arguments],
+        cwd=folder,
+        env=ENVIRONMENT,
+        stdin=theirs,
+        stdout=theirs if stdout else subprocess.PIPE,
+        stderr=theirs,
+        start_new_session=True,
+    ) as running:
+        os.close(theirs)
+        seen, sent, until = b"", not interrupt_at, time.monotonic() + 60
+        while time.monotonic() < until:
+            if not select.select([mine], [], [], 0.1)[0]:
+                continue
+            try:
+                chunk = os.read(mine, 65536)
+            except OSError:  # the other end is closed
+                break
+            seen += chunk
+            if not sent and interrupt_at.encode() in seen:
+                running.send_signal(signal.SIGINT)
+                sent = True
+            if not chunk:
+                break
+        out = running.stdout.read() if running.stdout else b""
+        code = running.wait(30)
+    os.close(mine)
+    return Seen(code, seen.decode(), out.decode())
+
+
+def test_progress_on_a_terminal_is_one_line_that_goes_away(tmp_path: Path) -> None:
+    problem(tmp_path)
+    seen = on_a_terminal("solve", "push.yaml", "-N", "5", "--no-plot", folder=tmp_path)
+    assert seen.code == 0
+    shown = seen.terminal.split("\r")
+    assert shown[0] == ""
+    assert [int(line.split()[1]) for line in shown[1:-1]] == list(range(len(shown) - 2))
+    assert len(shown) > 3
+    assert shown[-1] == "\x1b[K"
+    assert "\n" not in seen.terminal
+    assert "Push to one\nSolved." in seen.out
+
+
+def test_no_progress_in_a_pipe_nor_where_quiet(tmp_path: Path) -> None:
+    problem(tmp_path)
+    piped = process("solve", "push.yaml", "-N", "5", "--no-plot", folder=tmp_path)
+    assert (piped.code, piped.err) == (0, "")
+    assert "\x1b" not in piped.out
+    seen = on_a_terminal("solve", "push.yaml", "-N", "5", "--quiet", folder=tmp_path)
+    assert seen == Seen(0, "", "")
+
+
+def test_a_title_cannot_steer_the_terminal(tmp_path: Path) -> None:
+    problem(tmp_path, PUSH.replace("title: Push to one", 'title: "a\\e]0;owned\\a b"'))
+    seen = on_a_terminal("solve", "push.yaml", "-N", "5", "--no-plot", folder=tmp_path, stdout=True)
+    assert "\x1b]" not in seen.terminal
+    assert "\x07" not in seen.terminal
+
+
+def test_ctrl_c_keeps_the_best_iterate(tmp_path: Path) -> None:
+    seen = on_a_terminal(
+        *("solve", "van_der_pol", "-N", "4000", "--no-plot"),
+        folder=tmp_path,
+        interrupt_at="iteration    2",
+    )
+    assert seen.code == 130
+    assert "Not solved. Interrupted: this is the best iterate so far." in seen.out
+    assert "Saved results/van_der_pol.h5" in seen.out
+    assert "Traceback" not in seen.terminal + seen.out
+    solution = quito.Solution.load(tmp_path / "results" / "van_der_pol.h5")
+    assert (solution.status, solution.success) == (Status.INTERRUPTED, False)
+    assert len(solution.times) == 4001
+    assert written(tmp_path) == {"results/van_der_pol.h5"}
+
+
+# Result files that are none
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("result") / "push.h5"
+    quito.solve(load_text(PUSH, "push.yaml"), steps=5).save(path)
+    return path
+
+
+def _attribute(group: str, name: str, value: Any) -> Callable[[Path], None]:
+    def change(path: Path) -> None:
+        with h5py.File(path, "a") as file:
+            file[group].attrs[name] = value
+
+    return change
+
+
+def _without(name: str) -> Callable[[Path], None]:
+    def change(path: Path) -> None:
+        with h5py.File(path, "a") as file:
+            del file[name]
+
+    return change
+
+
+def _bytes(change: Callable[[bytes], bytes]) -> Callable[[Path], None]:
+    return lambda path: (path.write_bytes(change(path.read_bytes())), None)[1]
+
+
+DAMAGES: dict[str, tuple[Callable[[Path], None], str]] = {
+    "text": (_bytes(lambda _: b"not HDF5 at all"), "no result of quito, or damaged"),
+    "empty": (_bytes(lambda _: b""), "no result of quito, or damaged"),
+    "half": (_bytes(lambda whole: whole[: len(whole) // 2]), "no result of quito, or damaged"),
+    "noise": (
+        _bytes(lambda whole: whole[:3000] + b"\xff" * 400 + whole[3400:]),
+        "no result of quito, or damaged",
+    ),
+    "no control": (_without("control"), "no result of quito, or damaged"),
+    "unknown status": (
+        _attribute("statistics", "status", "WONDERFUL"),
+        "no result of quito, or damaged",
+    ),
+    "broken options": (_attribute("problem", "options", '{"a":'), "no result of quito, or damaged"),
+    "another program's": (_attribute("/", "format", "ICLOCS"), "but no result of quito"),
+    "no version": (_attribute("/", "format_version", "two"), "no result of quito, or damaged"),
+    "newer": (_attribute("/", "format_version", 99), "update quito"),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.parametrize("command", ["show", "plot"])
+def test_no_result(quito_: Quito, tmp_path: Path, result: Path, damage: str, command: str) -> None:
+    change, said = DAMAGES[damage]
+    shutil.copy(result, tmp_path / "r.h5")
+    change(tmp_path / "r.h5")
+    ran = quito_(command, "r.h5")
+    assert (ran.code, ran.out) == (2, "")
+    assert ran.err.startswith("quito: r.h5 ")
+    assert said in ran.err
+    assert len(ran.err.splitlines()) == 1
+    assert written(tmp_path) == {"r.h5"}
+
+
+def test_a_newer_format_says_which(quito_: Quito, tmp_path: Path, result: Path) -> None:
+    shutil.copy(result, tmp_path / "r.h5")
+    _attribute("/", "format_version", 99)(tmp_path / "r.h5")
+    assert quito_("show", "r.h5").err == (
+        "quito: r.h5 has format version 99; this quito reads up to 1: update quito to read it\n"
+    )
+
+
+# Whatever is done to a problem file
+
+TEXTS = [
+    path.read_text(encoding="utf-8")
+    for folder in (ROOT / "problems", ACCEPTED)
+    for path in sorted(folder.glob("*.yaml"))
+]
+TOKENS = (
+    *(
+        "{",
+        "}",
+        "[",
+        "]",
+        "(",
+        ")",
+        ":",
+        ": ",
+        ",",
+        "'",
+        '"',
+        "- ",
+        "*",
+        "^",
+        "@",
+        "\n",
+        "  ",
+        "\t",
+    ),
+    *("#", "&a ", "*a", "!x ", "|", ">", "? ", "%", "=", "x1", "u", "t", "x[0]", "size: 2", "-1"),
+    *("size: 0", "1e999", ".nan", ".inf", "null", "true", "final(x1)", "if_else(", "lower: ", "é"),
+    *("---\n", "<<: ", "9^9^9", "1/0", "[[1, 2], [3, 4]]", "{lower: 1, upper: 2}", "\\", "\u2028"),
+)
+
+
+@st.composite
+def mutated(draw: st.DrawFn) -> str:
+    """A problem file with pieces of it, or lines, left out, doubled, replaced or exchanged."""
+    text = draw(st.sampled_from(TEXTS))
+    for _ in range(draw(st.integers(1, 4))):
+        start = draw(st.integers(0, len(text)))
+        end = min(len(text), start + draw(st.sampled_from((0, 1, 2, 3, 8, 30, 200))))
+        lines = text.split("\n")
+        i, j = draw(st.integers(0, len(lines) - 1)), draw(st.integers(0, len(lines) - 1))
+        match draw(st.integers(0, 5)):
+            case 0:
+                text = text[:start] + text[end:]
+            case 1:
+                text = text[:end] + text[start:end] + text[end:]
+            case 2:
+                text = text[:start] + draw(st.sampled_from(TOKENS)) + text[end:]
+            case 3:
+                text = "\n".join(lines[:i] + lines[i + 1 :])
+            case 4:
+                text = "\n".join([*lines[:i], lines[j], *lines[i:]])
+            case 5:
+                lines[i], lines[j] = lines[j], lines[i]
+                text = "\n".join(lines)
+    return text
+
+
+@settings(max_examples=400, deadline=5000, suppress_health_check=[HealthCheck.too_slow])
+@given(mutated())
+def test_any_text_is_read_or_refused(text: str) -> None:
+    try:
+        build(load_text(text, "mutated.yaml"))
+    except QuitoError as error:
+        assert str(error)  # noqa: PT017 - that it can be said is the point
+        assert error.exit_code == 2  # noqa: PT017

@@ -1,0 +1,254 @@
+"""What may be asked of a solve, by whom, and who wins."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields
+from typing import Any, get_args
+
+import pytest
+
+import quito_cli as quito
+from quito_cli.problem import options as requested
+from quito_cli.problem.load import load_text
+from quito_cli.problem.options import FileOptions, RequestedOptions, refuse_solver_option
+from quito_cli.solve import CLASSICAL_CONTROLS, QUASI_INTERPOLANT_ONLY, Options
+from quito_cli.transcription.generating import GENERATING_FUNCTIONS, generating_function
+from quito_cli.transcription.schemes import SCHEMES
+
+PAPER = ("gaussian", "laguerre4", "laguerre6", "hermite10", "trigonometric", "sech")
+PUSH = """\
+time: {initial: 0, final: 1}
+states: {x: {initial: 0, final: 1}}
+controls: {u: {}}
+dynamics: {x: u}
+cost: {lagrange: u^2}
+"""
+
+
+def resolve(file: dict[str, Any] | None = None, **given: Any) -> Options:
+    return Options.resolve(FileOptions.model_validate(file or {}), given)
+
+
+# The same names in every place
+
+
+def test_fields_are_the_same_everywhere() -> None:
+    names = [field.name for field in fields(Options)]
+    names.remove("guess")  # a path, and so never asked for by a file
+    assert list(RequestedOptions.model_fields) == names
+    assert list(FileOptions.model_fields) == names
+
+
+def test_a_file_asks_for_no_more_than_a_call_and_defaults_are_in_one_place() -> None:
+    for model in (RequestedOptions, FileOptions):
+        assert all(field.default is None for field in model.model_fields.values())
+
+
+def test_names_are_those_of_the_tables() -> None:
+    classical = set(CLASSICAL_CONTROLS.values())
+    assert get_args(requested.GeneratingFunctionName) == PAPER
+    assert set(PAPER) == set(GENERATING_FUNCTIONS) - classical
+    assert set(get_args(requested.DiscretizationName)) == set(SCHEMES)
+    assert set(get_args(requested.ControlName)) == {"quasi-interpolant", *CLASSICAL_CONTROLS}
+    assert set(QUASI_INTERPOLANT_ONLY) < {field.name for field in fields(Options)}
+
+
+@pytest.mark.parametrize(("number", "name"), [*enumerate(PAPER, start=1)])
+def test_numbers_are_those_of_the_paper(number: int, name: str) -> None:
+    assert resolve(generating_function=number).generating_function == name
+    assert resolve(generating_function=str(number)).generating_function == name
+    assert resolve({"generating_function": number}).generating_function == name
+    assert generating_function(name).name == name
+
+
+# Who wins
+
+
+def test_defaults_are_those_of_the_design() -> None:
+    assert resolve() == Options(
+        steps=100,
+        variance=2.0,
+        generating_function="gaussian",
+        normalised=True,
+        control="quasi-interpolant",
+        discretization="rk4",
+        substeps=2,
+        tolerance=1e-9,
+        max_iterations=1000,
+        objective_scale=None,
+        solver_options={},
+    )
+
+
+GIVEN: dict[str, tuple[Any, Any]] = {
+    "steps": (30, 40),
+    "variance": (3.0, 4.0),
+    "generating_function": ("sech", "laguerre4"),
+    "normalised": (False, True),
+    "control": ("piecewise-linear", "piecewise-constant"),
+    "discretization": ("euler", "rk4"),
+    "substeps": (3, 1),
+    "tolerance": (1e-5, 1e-6),
+    "max_iterations": (3, 4),
+    "objective_scale": (5.0, 6.0),
+    "path_points": ("nodes", "substeps"),
+}
+
+
+@pytest.mark.parametrize("name", GIVEN)
+def test_the_call_wins_over_the_file_and_the_file_over_the_default(name: str) -> None:
+    in_file, in_call = GIVEN[name]
+    assert getattr(resolve({name: in_file}), name) == in_file
+    assert getattr(resolve({name: in_file}, **{name: in_call}), name) == in_call
+    assert getattr(resolve({name: in_file}, **{name: None}), name) == in_file
+    assert getattr(resolve(**{name: in_call}), name) == in_call
+
+
+def test_solver_options_are_merged_one_by_one() -> None:
+    file = {"solver_options": {"mu_init": 0.1, "max_soc": 2}}
+    merged = resolve(file, solver_options={"mu_init": 0.2, "linear_solver": "mumps"})
+    assert merged.solver_options == {"mu_init": 0.2, "max_soc": 2, "linear_solver": "mumps"}
+
+
+def test_every_option_has_its_row_here() -> None:
+    assert set(GIVEN) | {"solver_options", "guess"} == {field.name for field in fields(Options)}
+
+
+@pytest.mark.parametrize("control", CLASSICAL_CONTROLS)
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("variance", 2.0), ("generating_function", "gaussian"), ("normalised", True)],
+)
+def test_a_classical_control_has_no_shape(control: str, name: str, value: Any) -> None:
+    with pytest.raises(quito.UsageError, match=f"^{name.replace('_', '-')} .*{control}"):
+        resolve(control=control, **{name: value})
+    with pytest.raises(quito.UsageError, match=name.replace("_", "-")):
+        resolve({"control": control, name: value})
+    with pytest.raises(quito.UsageError, match=name.replace("_", "-")):
+        resolve({"control": control}, **{name: value})
+    assert resolve({name: value}, control=control).control == control
+
+
+# What is refused
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("steps", 0),
+        ("steps", 2.5),
+        ("steps", True),
+        ("steps", "10"),
+        ("variance", 0),
+        ("variance", math.nan),
+        ("variance", math.inf),
+        ("generating_function", 0),
+        ("generating_function", 7),
+        ("generating_function", True),
+        ("generating_function", "box"),
+        ("control", "hat"),
+        ("discretization", "rk5"),
+        ("substeps", 0),
+        ("tolerance", 0),
+        ("tolerance", 1),
+        ("max_iterations", -1),
+        ("objective_scale", -1),
+        ("objective_scale", math.inf),
+        ("solver_options", [1]),
+        ("normalised", 2),
+    ],
+)
+def test_wrong_values(name: str, value: Any) -> None:
+    with pytest.raises(quito.UsageError, match=f"^{name.replace('_', '-')}: "):
+        resolve(**{name: value})
+    with pytest.raises(ValueError, match=name):
+        FileOptions.model_validate({name: value})
+
+
+def test_all_wrong_values_are_told_at_once() -> None:
+    with pytest.raises(quito.UsageError) as caught:
+        resolve(steps=0, tolerance=2)
+    assert [line.split(":")[0] for line in str(caught.value).splitlines()] == ["steps", "tolerance"]
+
+
+def test_an_unknown_option() -> None:
+    with pytest.raises(quito.UsageError, match=r"no option 'step'; did you mean 'steps'"):
+        resolve(step=3)
+    with pytest.raises(quito.UsageError, match=r"no option 'colour'$"):
+        quito.solve(load_text(PUSH, "push.yaml"), colour="red")
+
+
+@pytest.mark.parametrize(
+    ("name", "most"),
+    [("steps", 20_000), ("variance", 100), ("substeps", 20), ("max_iterations", 10_000)],
+)
+def test_a_file_may_not_ask_for_endless_work_but_a_call_may(name: str, most: int) -> None:
+    assert FileOptions.model_validate({name: most})
+    with pytest.raises(ValueError, match=name):
+        FileOptions.model_validate({name: most + 1})
+    assert getattr(resolve(None, **{name: most + 1}), name) == most + 1
+
+
+HARMFUL = (
+    *("hsllib", "pardisolib", "output_file", "option_file_name", "linear_solver", "jac_c_constant"),
+    *("print_level", "file_print_level", "print_user_options", "replace_bounds", "sb", "library"),
+    *("hessian_approximation", "jit", "plugin", "", "MU_INIT", "mu_init "),
+)
+
+
+@pytest.mark.parametrize("name", HARMFUL)
+def test_a_file_may_set_only_what_is_known_to_be_harmless(name: str) -> None:
+    said = refuse_solver_option(name, 1)
+    assert said is not None
+    assert f"'{name}'" in said
+    with pytest.raises(ValueError, match="may not set"):
+        FileOptions.model_validate({"solver_options": {name: 1}})
+
+
+def test_a_call_may_set_any_option_of_the_solver() -> None:
+    chosen = {"print_level": 0, "linear_solver": "mumps"}
+    assert resolve(solver_options=chosen).solver_options == chosen
+    assert quito.solve(load_text(PUSH, "p.yaml"), steps=5, solver_options=chosen).success
+
+
+def test_nothing_on_the_list_takes_a_free_text() -> None:
+    """Whatever a file may set is a number or one of a few words, so that no path gets through."""
+    for name, choices in requested._ALLOWED.items():
+        assert refuse_solver_option(name, "/etc/passwd") is not None
+        assert refuse_solver_option(name, math.nan) is not None
+        if choices is None:
+            assert refuse_solver_option(name, True) is not None
+            assert refuse_solver_option(name, 1) is None
+        else:
+            assert all(refuse_solver_option(name, choice) is None for choice in choices)
+        assert not any(word in name for word in ("file", "lib", "path", "solver", "print"))
+
+
+def test_everything_on_the_list_is_an_option_of_ipopt() -> None:
+    """Each with a value that IPOPT takes; a name that it does not know would be refused."""
+    one = {
+        "watchdog_shortened_iter_trigger": 1,
+        "max_cpu_time": 60.0,
+        "max_wall_time": 60.0,
+        "acceptable_iter": 0,
+        "mu_init": 1e-2,
+        "mu_max": 1e3,
+        "mu_min": 1e-12,
+        "mu_target": 0.0,
+        "bound_relax_factor": 0.0,
+        "kappa_sigma": 1e10,
+        "max_soc": 4,
+        "max_refinement_steps": 10,
+        "mu_superlinear_decrease_power": 1.5,
+        "mu_linear_decrease_factor": 0.2,
+        "tau_min": 0.99,
+        "kappa_d": 1e-5,
+    }
+    problem = load_text(PUSH, "push.yaml")
+    for name, choices in requested._ALLOWED.items():
+        value: Any = choices[0] if choices else one.get(name, 1e-2)
+        if name in {"start_with_resto", "accept_every_trial_step", "mehrotra_algorithm"}:
+            value = "no"
+        solution = quito.solve(problem, steps=3, max_iterations=2, solver_options={name: value})
+        assert solution.options["solver_options"] == {name: value}

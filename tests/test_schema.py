@@ -1,0 +1,127 @@
+"""The JSON Schema that editors read: in step with the models, and as strict as a schema can be."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from jsonschema import Draft7Validator, Draft202012Validator
+
+from quito_cli.problem.json_schema import schema_text
+from quito_cli.problem.schema import Control, Cost, Problem, Reference, State, Time
+from quito_cli.problem.strict_yaml import read
+
+TESTS = Path(__file__).parent
+COMMITTED = TESTS.parent / "schemas" / "problem.schema.json"
+BUNDLED = sorted((TESTS.parent / "problems").glob("*.yaml"))
+ACCEPTED = sorted((TESTS / "problems" / "accepted").glob("*.yaml"))
+
+STRUCTURE = (
+    *("boolean_constant", "boolean_dynamics", "bounds_of_a_state_as_list", "empty_cost"),
+    *("broken_yaml_missing_colon", "empty_dynamics", "fractional_steps", "key_like_a_tag"),
+    *("mapping_as_constant", "matrix_of_three_levels", "missing_cost", "missing_final_time"),
+    *("missing_dynamics_section", "missing_states", "missing_time", "misspelt_key_in_state"),
+    *("misspelt_option", "misspelt_section", "negative_variance", "no_states", "no_steps"),
+    *("null_constant", "options_as_number", "output_folder_in_a_file", "reference_cost_as_list"),
+    *("size_as_fraction", "size_of_zero", "size_too_large", "states_as_list", "steps_as_boolean"),
+    *("time_as_number", "title_as_list", "title_as_number", "too_many_steps", "unknown_key"),
+    *("unknown_key_in_time", "wrong_control", "wrong_generating_function"),
+    *("mistakes_of_structure_and_formulas", "several_mistakes"),
+)
+"""Of the refused files, those whose structure alone is wrong."""
+
+
+@pytest.fixture(scope="module")
+def schema() -> dict[str, Any]:
+    loaded = json.loads(COMMITTED.read_text(encoding="utf-8"))
+    assert isinstance(loaded, dict)
+    return loaded
+
+
+def data(file: Path) -> Any:
+    return read(file.read_text(encoding="utf-8"), file.name).data
+
+
+def test_committed_is_generated() -> None:
+    assert COMMITTED.read_text(encoding="utf-8") == schema_text()
+
+
+def test_it_is_a_schema_of_draft_7_and_of_its_successor(schema: dict[str, Any]) -> None:
+    assert schema["$schema"] == "http://json-schema.org/draft-07/schema#"
+    Draft7Validator.check_schema(schema)
+    Draft202012Validator.check_schema(schema)
+
+
+def test_no_keyword_is_unknown_to_draft_7(schema: dict[str, Any]) -> None:
+    known = {
+        *("$ref", "$schema", "additionalProperties", "anyOf", "const", "default", "description"),
+        *("enum", "exclusiveMaximum", "exclusiveMinimum", "items", "maxItems", "maxProperties"),
+        *("maximum", "minItems", "minProperties", "minimum", "oneOf", "properties", "required"),
+        *("title", "type", "definitions", "$defs"),
+    }
+    used: set[str] = set()
+
+    def look(part: Any, names: bool) -> None:
+        """`names` where the keys are names of the file, not keywords."""
+        if isinstance(part, list):
+            for entry in part:
+                look(entry, False)
+        elif isinstance(part, dict):
+            if not names:
+                used.update(part)
+            for key, value in part.items():
+                if key not in ("default", "const", "enum"):
+                    look(value, not names and key in ("properties", "$defs", "definitions"))
+
+    look(schema, False)
+    assert used <= known
+
+
+def test_references_lead_somewhere(schema: dict[str, Any]) -> None:
+    text = json.dumps(schema)
+    for name in schema["$defs"]:
+        assert f'"#/$defs/{name}"' in text
+    assert text.count('"$ref"') == text.count('"$ref": "#/$defs/')
+
+
+@pytest.mark.parametrize("file", BUNDLED + ACCEPTED, ids=lambda path: path.stem)
+def test_valid_files_are_valid(file: Path, schema: dict[str, Any]) -> None:
+    assert [error.message for error in Draft7Validator(schema).iter_errors(data(file))] == []
+    assert Draft202012Validator(schema).is_valid(data(file))
+
+
+@pytest.mark.parametrize("name", STRUCTURE)
+def test_wrong_structure_is_seen_by_an_editor(name: str, schema: dict[str, Any]) -> None:
+    file = TESTS / "problems" / "refused" / f"{name}.yaml"
+    assert not Draft7Validator(schema).is_valid(data(file))
+
+
+def test_every_key_of_every_section_has_its_explanation(schema: dict[str, Any]) -> None:
+    for name, part in [("Problem", schema), *schema["$defs"].items()]:
+        assert part["additionalProperties"] is False, name
+        for key, field in part["properties"].items():
+            assert field.get("description", "").endswith((".", "x).", "too.", ")")), f"{name}.{key}"
+
+
+def test_explanations_are_those_of_the_models(schema: dict[str, Any]) -> None:
+    initial = schema["$defs"]["State"]["properties"]["initial"]
+    assert initial["description"] == "Value at the initial time; free if left out."
+    steps = schema["$defs"]["FileOptions"]["properties"]["steps"]
+    assert steps["description"] == "Number N of control cells."
+
+
+@pytest.mark.parametrize("model", [Problem, State, Control, Cost, Time, Reference])
+def test_all_keys_are_there(model: Any, schema: dict[str, Any]) -> None:
+    part = schema if model is Problem else schema["$defs"][model.__name__]
+    assert set(part["properties"]) == set(model.model_fields)
+    required = {name for name, field in model.model_fields.items() if field.is_required()}
+    assert set(part.get("required", ())) == required
+
+
+def test_bundled_files_name_the_schema() -> None:
+    for file in BUNDLED:
+        first = file.read_text(encoding="utf-8").splitlines()[0]
+        assert first == "# yaml-language-server: $schema=../schemas/problem.schema.json"
+        assert (file.parent / "../schemas/problem.schema.json").resolve() == COMMITTED.resolve()
