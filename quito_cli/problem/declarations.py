@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.problem.model import Bounds, GuessFunction, Hints, Instant, Variable
-from quito_cli.problem.schema import Control, FreeTime, GuessTable, Parameter, State
+from quito_cli.problem.schema import Control, Parameter, State
+from quito_cli.problem.schema_values import FreeTime, GuessTable
 from quito_cli.problem.scopes import Scope, Scopes
 from quito_cli.problem.values import Path
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from quito_cli.problem.complaints import suggest
 from quito_cli.problem.model import Known, Piece, Variable
-from quito_cli.problem.schema import Reference
+from quito_cli.problem.schema_reference import Reference
 from quito_cli.problem.values import Path, Reader
 
 if TYPE_CHECKING:

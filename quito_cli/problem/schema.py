@@ -6,113 +6,26 @@ hover text in editors. Formulas stay text here; `build` turns them into a Model.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, PrivateAttr, Tag, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from quito_cli.problem.options import FileOptions
+from quito_cli.problem.schema_reference import Published, Reference
+from quito_cli.problem.schema_values import (
+    MAX_SIZE,
+    MAX_TABLE,
+    MAX_VARIABLES,
+    BoundValue,
+    ConstantValue,
+    DynamicsValue,
+    EndValue,
+    Expression,
+    GuessValue,
+    Instant,
+    Strict,
+)
 from quito_cli.problem.source import Source
-
-MAX_SIZE = 200
-"""Entries a vector may have."""
-MAX_VARIABLES = 500
-"""Names a section may have."""
-MAX_TABLE = 1000
-"""Rows a table may have."""
-
-
-def _kind(value: Any) -> str | None:
-    """Tell the alternatives of a value apart, so that an error speaks of one of them only."""
-    if isinstance(value, bool):
-        return None
-    if isinstance(value, int | float):
-        return "=number"
-    if isinstance(value, str):
-        return "=expression"
-    if isinstance(value, list):
-        return "=list"
-    if isinstance(value, dict | BaseModel):
-        return "=mapping"
-    return "=nothing" if value is None else None
-
-
-Number = Annotated[float, Tag("=number")]
-Formula = Annotated[str, Tag("=expression")]
-Nothing = Annotated[None, Tag("=nothing")]
-
-Expression = Annotated[Number | Formula, Discriminator(_kind)]
-"""A number or a formula."""
-
-
-class Strict(BaseModel):
-    """A mapping of the file: frozen, no unknown keys."""
-
-    # Not built one by one: only Problem's validator, which holds all others, is ever used.
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
-
-
-class Range(Strict):
-    """A value that may lie anywhere between two bounds."""
-
-    lower: Expression | None = None
-    """Smallest value; none if left out."""
-    upper: Expression | None = None
-    """Largest value; none if left out."""
-
-
-_Range = Annotated[Range, Tag("=mapping")]
-EndEntry = Annotated[Number | Formula | _Range | Nothing, Discriminator(_kind)]
-EndValue = Annotated[
-    Number
-    | Formula
-    | _Range
-    | Nothing
-    | Annotated[list[EndEntry], Field(max_length=MAX_SIZE), Tag("=list")],
-    Discriminator(_kind),
-]
-"""A number, an expression of constants, a range, or a list with one of these for each entry."""
-BoundEntry = Annotated[Number | Formula | Nothing, Discriminator(_kind)]
-BoundValue = Annotated[
-    Number
-    | Formula
-    | Nothing
-    | Annotated[list[BoundEntry], Field(max_length=MAX_SIZE), Tag("=list")],
-    Discriminator(_kind),
-]
-"""A number, an expression of constants, or a list with one of these for each entry."""
-_Row = Annotated[list[Expression], Field(max_length=MAX_SIZE), Tag("=list")]
-ConstantValue = Annotated[
-    Number
-    | Formula
-    | Annotated[
-        list[Annotated[Number | Formula | _Row, Discriminator(_kind)]],
-        Field(min_length=1, max_length=MAX_SIZE),
-        Tag("=list"),
-    ],
-    Discriminator(_kind),
-]
-"""A number, a vector, a matrix (list of rows), or an expression of earlier constants."""
-DynamicsValue = Annotated[
-    Number
-    | Formula
-    | Annotated[list[Expression], Field(min_length=1, max_length=MAX_SIZE), Tag("=list")],
-    Discriminator(_kind),
-]
-
-
-class FreeTime(Strict):
-    """A time that is an unknown."""
-
-    lower: Expression | None = None
-    """Earliest."""
-    upper: Expression | None = None
-    """Latest."""
-    guess: Expression | None = None
-    """Where the solver starts; by default between the bounds."""
-
-
-Instant = Annotated[Number | Formula | Annotated[FreeTime, Tag("=mapping")], Discriminator(_kind)]
-"""A number, an expression of constants such as pi/2, or {lower:, upper:, guess:} where free."""
 
 
 class Time(Strict):
@@ -124,66 +37,36 @@ class Time(Strict):
     """Final time: a number, an expression such as pi/2, or {lower:, upper:, guess:} if free."""
 
 
-class GuessTable(Strict):
-    """A guess by values at times, linear in between."""
-
-    times: Annotated[list[float], Field(min_length=2, max_length=MAX_TABLE)]
-    """Increasing times."""
-    values: Annotated[list[float | list[float]], Field(min_length=2, max_length=MAX_TABLE)]
-    """A value for each time; a list of values for a vector."""
-
-
-GuessValue = Annotated[
-    Number
-    | Formula
-    | Annotated[GuessTable, Tag("=mapping")]
-    | Nothing
-    | Annotated[list[Expression], Field(min_length=1, max_length=MAX_SIZE), Tag("=list")],
-    Discriminator(_kind),
-]
-"""An expression of t, a list with one for each entry, or a table {times:, values:}."""
-
-
-class State(Strict):
-    """A state; a vector if it has a size."""
+class Variable(Strict):
+    """What states and controls have in common."""
 
     size: Annotated[int, Field(ge=1, le=MAX_SIZE, strict=True)] | None = None
     """Number of entries of a vector; leave out for a scalar."""
+    lower: BoundValue = None
+    """Smallest value on the whole horizon."""
+    upper: BoundValue = None
+    """Largest value on the whole horizon."""
+    guess: GuessValue = None
+    """Where the solver starts: an expression of t, or a table {times:, values:}."""
+    scale: BoundValue = None
+    """Its typical size; by default from bounds, guess and dynamics."""
+    unit: str = ""
+    """Unit, for labels."""
+    description: str = ""
+    """What it is, in words."""
+
+
+class Control(Variable):
+    """A control; a vector if it has a size."""
+
+
+class State(Variable):
+    """A state; a vector if it has a size."""
+
     initial: EndValue = None
     """Value at the initial time; free if left out."""
     final: EndValue = None
     """Value at the final time; free if left out."""
-    lower: BoundValue = None
-    """Smallest value on the whole horizon."""
-    upper: BoundValue = None
-    """Largest value on the whole horizon."""
-    guess: GuessValue = None
-    """Where the solver starts: an expression of t, or a table {times:, values:}."""
-    scale: BoundValue = None
-    """Its typical size; by default from bounds, guess and dynamics."""
-    unit: str = ""
-    """Unit, for labels."""
-    description: str = ""
-    """What it is, in words."""
-
-
-class Control(Strict):
-    """A control; a vector if it has a size."""
-
-    size: Annotated[int, Field(ge=1, le=MAX_SIZE, strict=True)] | None = None
-    """Number of entries of a vector; leave out for a scalar."""
-    lower: BoundValue = None
-    """Smallest value on the whole horizon."""
-    upper: BoundValue = None
-    """Largest value on the whole horizon."""
-    guess: GuessValue = None
-    """Where the solver starts: an expression of t, or a table {times:, values:}."""
-    scale: BoundValue = None
-    """Its typical size; by default from bounds, guess and dynamics."""
-    unit: str = ""
-    """Unit, for labels."""
-    description: str = ""
-    """What it is, in words."""
 
 
 class Parameter(Strict):
@@ -251,63 +134,6 @@ class Cost(Strict):
         if not self.model_fields_set:
             raise ValueError("a cost has `lagrange`, `mayer` or both")
         return self
-
-
-class Piece(Strict):
-    """A piece of a reference: `value` until `until`."""
-
-    until: Expression | None = None
-    """Where the piece ends; the last one has none."""
-    value: Expression
-    """Expression of t and constants."""
-
-
-ReferenceValue = Annotated[
-    Number
-    | Formula
-    | Annotated[list[Piece], Field(min_length=1, max_length=MAX_SIZE), Tag("=list")],
-    Discriminator(_kind),
-]
-
-
-class Reference(Strict):
-    """What is known of the answer, for the file as it stands."""
-
-    cost: Expression | None = None
-    """Optimal cost."""
-    accuracy: Annotated[float, Field(gt=0)] | None = None
-    """Absolute accuracy of the cost."""
-    verified: str = ""
-    """How it was obtained and verified."""
-    general: bool = False
-    """The expressions hold for changed constants too."""
-    constants: dict[str, Expression] = {}
-    """Constants of the reference's own, in order."""
-    switching_times: Annotated[list[Expression], Field(max_length=MAX_SIZE)] = []
-    """All junctions between arcs, increasing."""
-    state: dict[str, ReferenceValue] = {}
-    """State by name: an expression of t, or a list of pieces {until, value}."""
-    control: dict[str, ReferenceValue] = {}
-    """Control by name: an expression of t, or a list of pieces {until, value}."""
-
-
-class Published(Strict):
-    """A row of a published table, printed beside ours."""
-
-    tool: str
-    """Who computed it, with what."""
-    steps: Annotated[int, Field(ge=1)] | None = None
-    """Control cells or nodes."""
-    time: float | None = None
-    """Seconds on the authors' machine."""
-    iterations: int | None = None
-    """Iterations of the solver."""
-    violation: float | None = None
-    """Largest constraint violation."""
-    error_norm: float | None = None
-    """2-norm of the vector of samples of the control error."""
-    dft_norm: float | None = None
-    """2-norm of its discrete Fourier transform."""
 
 
 class Problem(Strict):

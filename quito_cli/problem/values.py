@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from quito_cli.problem.complaints import Complaint
 from quito_cli.problem.expressions import Expression, ExpressionError, evaluate, parse
 from quito_cli.problem.model import Bounds
-from quito_cli.problem.schema import Range
+from quito_cli.problem.schema_values import Range
 from quito_cli.problem.tables import TableData
 
 if TYPE_CHECKING:
