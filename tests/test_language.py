@@ -165,6 +165,31 @@ def test_both_times_free_and_time_in_the_cost(solve: Solve) -> None:
     assert held.times[0] == pytest.approx(start, abs=1e-6)
 
 
+GODDARD = """
+title: Goddard's rocket, as high as its fuel takes it
+constants: {b: 2, D0: 310, beta: 500}
+time: {initial: 0, final: {lower: 0.05, guess: 0.2}}
+states:
+  h: {initial: 1, lower: 1}
+  v: {initial: 0, lower: 0, guess: 0.1*t}
+  m: {initial: 1, final: 0.6, lower: 0.6, upper: 1}
+controls: {T: {lower: 0, upper: 3.5}}
+expressions: {drag: D0*v^2*exp(-beta*(h - 1))}
+dynamics: {h: v, v: (T - drag)/m - 1/h^2, m: -b*T}
+sense: maximize
+cost: {mayer: h}
+"""
+
+
+def test_a_rocket_as_high_as_it_goes(solve: Solve) -> None:
+    """1.01283 in E. D. Dolan, J. J. Moré and T. S. Munson, COPS 3.0 (2004), and elsewhere."""
+    found = solve(GODDARD, steps=100)
+    assert found.success
+    assert found.cost == pytest.approx(1.01283, abs=1e-5)
+    assert found.state(found.times[-1])[0, 1] == pytest.approx(0, abs=1e-3)  # at the top
+    assert found.evidence.resimulated_cost == pytest.approx(found.cost, abs=1e-7)
+
+
 def test_a_time_scale_of_days_changes_nothing(solve: Solve) -> None:
     """x'' = u/T², over about 2 T = 172 800 seconds."""
     text = SHORTEST.replace("x: v, v: u", "x: v/86400, v: u/86400").replace("0.1", "1000")
@@ -353,7 +378,7 @@ def test_a_maximised_cost(solve: Solve) -> None:
     assert found.evidence.resimulated_cost == pytest.approx(1 / 6, abs=1e-7)
     assert found.costates[:, 0] == pytest.approx(t - 1, abs=1e-7)
     assert found.costates == pytest.approx(other.costates, abs=1e-9)
-    assert found.history["objective"][-1] == pytest.approx(-1 / 6, abs=1e-6)  # what is minimised
+    assert found.history["objective"][-1] == pytest.approx(1 / 6, abs=1e-6)
     assert found.origin.maximize
 
 
@@ -992,6 +1017,39 @@ def test_units_do_not_matter_where_nothing_is_bounded(
         size = k**2 if "fuel" in name else k
         assert bad.multipliers[name] * size == pytest.approx(multipliers, abs=1e-3), name
     assert (bad.statistics.iterations or 999) <= 1.5 * (good.statistics.iterations or 0) + 5
+
+
+@pytest.mark.parametrize("k", [1e3, 1e6, 1e9])
+def test_units_do_not_matter_with_all_constraints_at_once(k: float, solve: Solve) -> None:
+    constraints = """
+path: {top: v <= 1.5*K, mixed: u + v <= 7*K},
+boundary: {far: final(x) - initial(v) >= 0.5*K},
+integral: {fuel: u^2 <= 30*K^2},
+point: {early: {at: 0.4, holds: x <= 0.33*K}}"""
+    good, bad = solve(in_units(1, constraints), steps=20), solve(in_units(k, constraints), steps=20)
+    assert good.success
+    assert bad.success
+    assert bad.cost == pytest.approx(good.cost, rel=1e-8)
+    assert (bad.statistics.iterations or 999) <= 1.5 * (good.statistics.iterations or 0) + 5
+
+
+@pytest.mark.parametrize("k", [1e6, 1e-7])
+def test_a_state_that_others_move_has_their_size(k: float, solve: Solve) -> None:
+    """y is zero at the guess, moves nothing, and is moved by x alone, itself zero at the guess."""
+
+    def text(k: float) -> str:
+        return scalar(
+            "x: {initial: 0}, y: {initial: 0}",
+            f"u: {{lower: {0.5 * k}, upper: {2 * k}}}",
+            "x: u, y: x",
+            f"lagrange: (u/{k} - 1 - t)^2, mayer: (y/{k} - 0.3)^2",
+        )
+
+    good, bad = solve(text(1), steps=20), solve(text(k), steps=20)
+    assert good.success
+    assert bad.success
+    assert bad.cost == pytest.approx(good.cost, rel=1e-7)
+    assert bad.trajectory.states / k == pytest.approx(good.trajectory.states, abs=1e-6)
 
 
 def test_scales_of_the_file_are_units_of_the_unknowns(model: Build) -> None:

@@ -376,7 +376,7 @@ def plain_constraints(model: Model, case: Case, nlp: Nlp, w: Array) -> dict[str,
             everywhere = con.uses_control
             if case.path_points:
                 everywhere = case.path_points == "substeps"
-            elif con.uses_control and con.bounds.fixed.all():  # it determines û: see below
+            if con.uses_control and con.bounds.fixed.all():  # it determines û: see below
                 everywhere = abs(offset - 0.5) < 1e-9
             if everywhere or not inside:
                 found[con.name].append(dense(model.function(con)(state, u, p, t))[:, 0])

@@ -65,8 +65,9 @@ class RequestedOptions(BaseModel):
     objective_scale: Annotated[float | None, Field(gt=0)] = None
     """Factor of the cost in the nonlinear program; by default chosen from the cost's size."""
     path_points: PathPointsName | None = None
-    """Where path constraints hold: at nodes, or at all substep offsets; by default at the offsets
-    for those that contain a control, at the nodes for those of states alone."""
+    """Where inequalities along the path hold: at nodes, or at all substep offsets; by default at
+    the offsets for those that contain a control, at the nodes for those of states alone. An
+    equality with a control always holds at as many points as determine the control."""
     solver_options: dict[str, float | int | bool | str] | None = None
     """Options of the solver, by its own names."""
 

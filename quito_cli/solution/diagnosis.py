@@ -57,11 +57,14 @@ def diagnose(
     if outcome.status is Status.NOT_FINITE and not sentences:
         sentences = _not_finite_nearby(model, times, states, u, parameters)
     sentences += _worst_row(nlp, residuals, trajectory.times)
-    if not sentences and residuals.stationarity > 0:
-        sentences.append(
-            "All constraints hold, but the point is not stationary: the first-order residual is "
-            f"{residuals.stationarity:.2g}."
-        )
+    if not sentences:
+        kinds = {
+            "first-order": residuals.stationarity,
+            "feasibility": residuals.feasibility,
+            "complementarity": residuals.complementarity,
+        }
+        worst = max(kinds, key=kinds.__getitem__)
+        sentences = [f"No condition fails by much, but the {worst} residual is {kinds[worst]:.2g}."]
     if hint := _HINTS.get(outcome.status):
         sentences.append(hint)
     return tuple(sentences)

@@ -90,7 +90,7 @@ class _Watch(ca.Callback):
         if self.best is None or not self.best[0] or (feasible and f <= self.best[1]):
             self.best = feasible, f, point
         if self._listener is not None:
-            cost = f / self._nlp.objective_scale
+            cost = f / self._nlp.objective_scale * self._nlp.transcription.model.sense
             self._listener(Progress(self._iteration, cost, violation))
         self._iteration += 1
         return [int(self._interruption.requested)]
@@ -167,7 +167,10 @@ def solve(
         found["lam_g"],
         found["lam_x"],
         statistics.get("iter_count"),
-        _history(statistics.get("iterations", {}), nlp.objective_scale),
+        _history(
+            statistics.get("iterations", {}),
+            nlp.objective_scale * nlp.transcription.model.sense,
+        ),
         built - started,
         solved - built,
         said,

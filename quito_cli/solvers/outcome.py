@@ -37,7 +37,7 @@ class Progress:
 
     iteration: int
     cost: float
-    """In the sense of the minimisation."""
+    """In the file's sense."""
     violation: float
     """Largest violation of a constraint of the nonlinear program."""
 
@@ -61,8 +61,8 @@ class Outcome:
     iterations: int | None
     """None where the solver does not say."""
     history: dict[str, Array]
-    """By iteration: objective (of the minimisation), primal_infeasibility, dual_infeasibility,
-    barrier_parameter; empty where the solver does not say."""
+    """By iteration: objective (the cost, in the file's sense), primal_infeasibility,
+    dual_infeasibility, barrier_parameter; empty where the solver does not say."""
     build_seconds: float
     solve_seconds: float
     said: str

@@ -15,7 +15,6 @@ from quito_cli.transcription.cells import (
     CellFunctions,
     Discretization,
     PathOutput,
-    PathPoints,
     shared_symbols,
 )
 from quito_cli.transcription.guess import Guess
@@ -41,10 +40,9 @@ class Program:
         layout: Layout,
         guess: Guess,
         unit: Array,
-        path_points: PathPoints | None,
     ) -> None:
-        self.model, self.method, self.layout, self.guess = model, method, layout, guess
-        self.unit, self.path_points = unit, path_points
+        self.model, self.method, self.layout = model, method, layout
+        self.guess, self.unit = guess, unit
         self.terms: list[Term] = []
         self.book = RowBook()
 
@@ -96,7 +94,7 @@ def _path_rows(program: Program, output: PathOutput) -> Rows:
     cells, places = method.mesh.points(offsets)
     inside = method.mesh.fractions[cells] + places * method.mesh.steps[cells]
     released = np.zeros(len(inside) + 1, dtype=bool)
-    if constraint.determines_control and program.path_points is None:
+    if constraint.determines_control:
         ghosts = method.basis.ghosts
         end_cells = (cells < ghosts) | (cells >= method.mesh.cells - ghosts)
         released[:-1] = (places > 0) & ~end_cells

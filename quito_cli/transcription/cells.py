@@ -208,7 +208,7 @@ def _places(
     the nodes and, for the ghosts, the middle of the first and last cells.
     """
     inside = [i for i, offset in enumerate(offsets) if offset < 1]
-    if path_points is None and constraint.determines_control:
+    if constraint.determines_control:
         middle = [i for i in inside if offsets[i] > 0]
         return (0, min(middle, key=lambda i: abs(offsets[i] - 0.5))) if middle else (0,)
     everywhere = constraint.uses_control if path_points is None else path_points == "substeps"

@@ -3,8 +3,9 @@
 What the file says of a variable's size is taken. Otherwise a state has the size of its guess; one
 whose guess is zero, of what its dynamics make of it over the horizon, or of its bounds. A control
 has the size of its bounds or its guess. What is left has the size that moves the others as far as
-they go: |x_i| / (T |∂f_i/∂y|). A constraint has the size of its sides. Sizes between 1/10 and 10
-count as one, others are rounded to a power of two, so that scaling itself rounds nothing.
+they go, |x_i| / (T |∂f_i/∂y|), or as they are moved. A constraint has the size of its sides. Sizes
+between 1/10 and 10 count as one, others are rounded to a power of two, so that scaling itself
+rounds nothing.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ from quito_cli.transcription.layout import Layout
 
 Array = NDArray[np.float64]
 
-_LEAST, _MOST = 1e-10, 1e10
-_ROUNDING = 1e-8
+_LEAST, _MOST = 1e-30, 1e30
+_ROUNDING = 1e-12
 """A state that moves less at the guess does not move: sin(pi) is not zero in doubles."""
 
 
@@ -131,12 +132,15 @@ def _propagated(model: Model, guess: Guess, sizes: Array) -> Array:
     for node in {0, len(t) // 2, len(t) - 1}:
         at = (guess.states[node], guess.controls[node], guess.parameters, t[node])
         strongest = np.fmax(strongest, np.abs(np.array(slopes(*at))))
-    moves = (end - start) * np.where(np.isfinite(strongest), strongest, 0.0)
+    strongest = np.where(np.isfinite(strongest) & (strongest > _ROUNDING), strongest, 0.0)
+    moves = (end - start) * strongest
     sizes = sizes.copy()
     for _ in range(model.n_x):
         reach = np.where(moves > 0, sizes[: model.n_x, None] / np.where(moves > 0, moves, 1), 0.0)
         needed = np.where(reach > 0, reach, np.inf).min(axis=0, initial=np.inf)
         sizes = np.where((sizes == 0) & np.isfinite(needed), needed, sizes)
+        moved = (moves * sizes).max(axis=1, initial=0.0)
+        sizes[: model.n_x] = np.where(sizes[: model.n_x] > 0, sizes[: model.n_x], moved)
     return sizes
 
 

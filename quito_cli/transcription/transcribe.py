@@ -84,7 +84,7 @@ def transcribe(
     layout, cell = method.layout(model), cell_functions(model, method, path_points)
     guess = make_guess(model, method.mesh)
     unit, state_unit = unknown_scales(model, method, layout, guess)
-    program = Program(model, method, layout, guess, unit, path_points)
+    program = Program(model, method, layout, guess, unit)
     cells = add_cells(program, cell, 1 / state_unit)
     add_ends(program)
     add_points(program)
