@@ -15,16 +15,16 @@ from quito_cli.solve import Options, solve
 
 if TYPE_CHECKING:
     from quito_cli.errors import QuitoError, ResultFileError, UnavailableError, UsageError
-    from quito_cli.problem.complaints import ProblemError
     from quito_cli.problem.load import load
     from quito_cli.problem.schema import Problem
+    from quito_cli.problem.text.complaints import ProblemError
     from quito_cli.solution.solution import Solution
 
 __version__ = "0.1.0"
 
 _HOMES = {
     "Problem": "quito_cli.problem.schema",
-    "ProblemError": "quito_cli.problem.complaints",
+    "ProblemError": "quito_cli.problem.text.complaints",
     "QuitoError": "quito_cli.errors",
     "ResultFileError": "quito_cli.errors",
     "Solution": "quito_cli.solution.solution",

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.problem.build import build
-from quito_cli.problem.complaints import Complaint, Path
-from quito_cli.problem.expressions import ExpressionError, parse, parse_comparison
+from quito_cli.problem.language.expressions import ExpressionError, parse, parse_comparison
 from quito_cli.problem.model import Constraint, Model, labels
 from quito_cli.problem.schema import Problem
+from quito_cli.problem.text.complaints import Complaint, Path
 from quito_cli.solve import MESH_TOLERANCE, Options, control_basis
 from quito_cli.transcription.generating import saturation, smallest_variance
 from quito_cli.transcription.guess import Guess, make_guess

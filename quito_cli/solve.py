@@ -170,8 +170,8 @@ def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the given options, validated, without those that are None."""
     from pydantic import ValidationError
 
-    from quito_cli.problem.complaints import suggest
     from quito_cli.problem.options import RequestedOptions
+    from quito_cli.problem.text.complaints import suggest
     from quito_cli.problem.validate import expected
 
     known = [f.name for f in fields(Options) if f.name != "guess"]

@@ -15,9 +15,9 @@ import pytest
 import quito_cli as quito
 from quito_cli.check import check
 from quito_cli.cli.app import main
-from quito_cli.problem.complaints import Complaint, ProblemError
 from quito_cli.problem.library import bundled
 from quito_cli.problem.load import load_text
+from quito_cli.problem.text.complaints import Complaint, ProblemError
 
 Run = Callable[..., int]
 

@@ -18,7 +18,7 @@ import pytest
 from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
 
-from quito_cli.problem.expressions import (
+from quito_cli.problem.language.expressions import (
     ExpressionError,
     constant,
     evaluate,
@@ -26,8 +26,8 @@ from quito_cli.problem.expressions import (
     parse,
     parse_comparison,
 )
-from quito_cli.problem.functions import FUNCTIONS
-from quito_cli.problem.tables import TableData
+from quito_cli.problem.language.functions import FUNCTIONS
+from quito_cli.problem.language.tables import TableData
 
 if TYPE_CHECKING:
     from casadi import SX
@@ -641,7 +641,7 @@ def test_invalid_name(name: str, reason: str) -> None:
 
 def test_import_does_not_load_casadi() -> None:
     code = (
-        "import sys, quito_cli.problem.expressions as e; e.parse('x^2'); "
+        "import sys, quito_cli.problem.language.expressions as e; e.parse('x^2'); "
         "sys.exit(bool({'casadi', 'numpy'} & set(sys.modules)))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

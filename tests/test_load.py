@@ -11,11 +11,11 @@ import pytest
 
 import quito_cli as quito
 from quito_cli.problem.build import build
-from quito_cli.problem.complaints import ProblemError
 from quito_cli.problem.library import bundled, data_folder
 from quito_cli.problem.load import MAX_BYTES, changed, find, load, load_text, parse_settings
 from quito_cli.problem.model import Model, labels
 from quito_cli.problem.schema import Problem
+from quito_cli.problem.text.complaints import ProblemError
 
 ACCEPTED = sorted((Path(__file__).parent / "problems" / "accepted").glob("*.yaml"))
 NAMES = {

@@ -16,7 +16,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import quito_cli as quito
-from quito_cli.problem.expressions import parse
+from quito_cli.problem.language.expressions import parse
 from quito_cli.problem.library import bundled
 from quito_cli.problem.mathematics import render
 from quito_cli.problem.schema import Problem

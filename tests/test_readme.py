@@ -17,7 +17,7 @@ import quito_cli as quito
 from quito_cli.cli.app import main
 from quito_cli.cli.solve import INTERRUPTED
 from quito_cli.errors import QuitoError
-from quito_cli.problem.functions import FUNCTIONS
+from quito_cli.problem.language.functions import FUNCTIONS
 from quito_cli.problem.schema import Problem
 from quito_cli.solve import Options
 

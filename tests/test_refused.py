@@ -16,8 +16,8 @@ import pytest
 
 from quito_cli.cli.app import main
 from quito_cli.problem.build import build
-from quito_cli.problem.complaints import ProblemError
 from quito_cli.problem.load import load
+from quito_cli.problem.text.complaints import ProblemError
 
 REFUSED = Path(__file__).parent / "problems" / "refused"
 FILES = sorted(REFUSED.glob("*.yaml"))

@@ -12,7 +12,7 @@ from jsonschema import Draft7Validator, Draft202012Validator
 from quito_cli.problem.json_schema import schema_text
 from quito_cli.problem.schema import Control, Cost, Problem, State, Time
 from quito_cli.problem.schema_reference import Reference
-from quito_cli.problem.strict_yaml import read
+from quito_cli.problem.text.strict_yaml import read
 
 TESTS = Path(__file__).parent
 COMMITTED = TESTS.parent / "schemas" / "problem.schema.json"

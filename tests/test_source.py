@@ -17,10 +17,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from quito_cli.errors import UsageError
-from quito_cli.problem import strict_yaml
-from quito_cli.problem.complaints import Complaint, Position, ProblemError, suggest
-from quito_cli.problem.source import Source
-from quito_cli.problem.strict_yaml import read
+from quito_cli.problem.text import strict_yaml
+from quito_cli.problem.text.complaints import Complaint, Position, ProblemError, suggest
+from quito_cli.problem.text.source import Source
+from quito_cli.problem.text.strict_yaml import read
 
 LOADERS: list[type] = [yaml.SafeLoader]
 if hasattr(yaml, "CSafeLoader"):

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from quito_cli.problem.expressions import evaluate, parse
-from quito_cli.problem.tables import MAX_POINTS, Method, TableData, check
+from quito_cli.problem.language.expressions import evaluate, parse
+from quito_cli.problem.language.tables import MAX_POINTS, Method, TableData, check
 
 Array = NDArray[np.float64]
 

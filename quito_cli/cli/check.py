@@ -36,9 +36,9 @@ def check(
 def _report(file: str, latex: bool) -> dict[str, Any]:
     """Return what is to be said of one file."""
     from quito_cli.check import check as look
-    from quito_cli.problem.complaints import ProblemError
     from quito_cli.problem.load import load
     from quito_cli.problem.mathematics import render
+    from quito_cli.problem.text.complaints import ProblemError
 
     report: dict[str, Any] = {"file": file, "ok": False, "errors": [], "warnings": []}
     try:

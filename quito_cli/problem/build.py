@@ -10,12 +10,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from quito_cli.problem.comparisons import read_comparison
-from quito_cli.problem.complaints import Complaint, ProblemError, suggest
 from quito_cli.problem.declarations import bounds, end_values, hints, times
 from quito_cli.problem.known import read_reference
 from quito_cli.problem.model import Constraint, Constraints, Instant, Known, Model, Variable
 from quito_cli.problem.schema import Problem
 from quito_cli.problem.scopes import Scopes
+from quito_cli.problem.text.complaints import Complaint, ProblemError, suggest
 from quito_cli.problem.values import Path, Reader
 
 if TYPE_CHECKING:

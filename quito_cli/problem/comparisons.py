@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from quito_cli.problem.complaints import Complaint
-from quito_cli.problem.expressions import (
+from quito_cli.problem.language.expressions import (
     Comparison,
     ExpressionError,
     evaluate,
@@ -19,6 +18,7 @@ from quito_cli.problem.expressions import (
 )
 from quito_cli.problem.model import Bounds, Constraint
 from quito_cli.problem.scopes import Scope, Scopes
+from quito_cli.problem.text.complaints import Complaint
 from quito_cli.problem.values import Path
 
 if TYPE_CHECKING:

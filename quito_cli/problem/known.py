@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.problem.complaints import suggest
 from quito_cli.problem.model import Known, Piece, Variable
 from quito_cli.problem.schema_reference import Reference
+from quito_cli.problem.text.complaints import suggest
 from quito_cli.problem.values import Path, Reader
 
 if TYPE_CHECKING:

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from quito_cli.errors import UsageError
-from quito_cli.problem.complaints import suggest
 from quito_cli.problem.library import bundled
 from quito_cli.problem.schema import Problem
-from quito_cli.problem.strict_yaml import read
+from quito_cli.problem.text.complaints import suggest
+from quito_cli.problem.text.strict_yaml import read
 from quito_cli.problem.validate import validate
 
 SETTABLE = ("time", "states", "controls", "constants")

@@ -25,7 +25,7 @@ from quito_cli.problem.schema_values import (
     Instant,
     Strict,
 )
-from quito_cli.problem.source import Source
+from quito_cli.problem.text.source import Source
 
 
 class Time(Strict):

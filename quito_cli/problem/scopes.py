@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from quito_cli.problem.expressions import is_valid_name
+from quito_cli.problem.language.expressions import is_valid_name
+from quito_cli.problem.language.tables import TableData, check
 from quito_cli.problem.model import Endpoints, Variable
 from quito_cli.problem.schema import Control, Parameter, Problem, State
-from quito_cli.problem.tables import TableData, check
 from quito_cli.problem.values import Path, Reader
 
 if TYPE_CHECKING:

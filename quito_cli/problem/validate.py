@@ -13,9 +13,9 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from quito_cli.problem.build import set_values, try_build
-from quito_cli.problem.complaints import Complaint, ProblemError, suggest
 from quito_cli.problem.schema import Problem
-from quito_cli.problem.source import Source
+from quito_cli.problem.text.complaints import Complaint, ProblemError, suggest
+from quito_cli.problem.text.source import Source
 
 Path = tuple[str | int, ...]
 

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.problem.complaints import Complaint
-from quito_cli.problem.expressions import Expression, ExpressionError, evaluate, parse
+from quito_cli.problem.language.expressions import Expression, ExpressionError, evaluate, parse
+from quito_cli.problem.language.tables import TableData
 from quito_cli.problem.model import Bounds
 from quito_cli.problem.schema_values import Range
-from quito_cli.problem.tables import TableData
+from quito_cli.problem.text.complaints import Complaint
 
 if TYPE_CHECKING:
     import casadi as ca

@@ -9,7 +9,8 @@ from fractions import Fraction
 from math import isfinite
 from typing import Final
 
-from quito_cli.problem.functions import BOUNDARY_FUNCTIONS, FUNCTIONS
+from quito_cli.problem.language.functions import BOUNDARY_FUNCTIONS, FUNCTIONS
+from quito_cli.problem.language.syntax import Expression, comparison_operators, subscripts
 from quito_cli.problem.mathematics.notation import (
     CALLS,
     NOTATIONS,
@@ -19,7 +20,6 @@ from quito_cli.problem.mathematics.notation import (
     Piece,
 )
 from quito_cli.problem.mathematics.symbols import FRACTIONS, escaped
-from quito_cli.problem.syntax import Expression, comparison_operators, subscripts
 
 
 def _number_of(node: ast.expr) -> Fraction | None:

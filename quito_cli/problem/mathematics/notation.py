@@ -14,6 +14,7 @@ from enum import IntEnum
 from math import inf, isfinite
 from typing import Final, NamedTuple
 
+from quito_cli.problem.language.names import KNOWN_CONSTANTS
 from quito_cli.problem.mathematics.symbols import (
     SUBSCRIPTS,
     SUPERSCRIPTS,
@@ -21,7 +22,6 @@ from quito_cli.problem.mathematics.symbols import (
     braced,
     read_symbol,
 )
-from quito_cli.problem.names import KNOWN_CONSTANTS
 
 _SIGNS: Final = {
     "-": ("−", "-"),

@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Any, Final
 
+from quito_cli.problem.language.syntax import Comparison, Expression, parse, parse_comparison
+from quito_cli.problem.language.tokens import ExpressionError
 from quito_cli.problem.mathematics.formulas import formula, integral
 from quito_cli.problem.mathematics.notation import Level, Notation, Piece
 from quito_cli.problem.mathematics.page import Line, Section, latex_page, unicode_page
 from quito_cli.problem.mathematics.symbols import escaped, read_symbols
 from quito_cli.problem.schema import Problem
-from quito_cli.problem.syntax import Comparison, Expression, parse, parse_comparison
-from quito_cli.problem.tokens import ExpressionError
 
 _LONGEST: Final = 8
 """Entries of a vector, rows of a matrix, and members of a list that are written out."""

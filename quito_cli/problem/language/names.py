@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable
 from typing import Final
 
-from quito_cli.problem.functions import BOUNDARY_FUNCTIONS, FUNCTIONS
+from quito_cli.problem.language.functions import BOUNDARY_FUNCTIONS, FUNCTIONS
 
 KNOWN_CONSTANTS: Final = ("pi",)
 RESERVED: Final = ("t", *KNOWN_CONSTANTS, *BOUNDARY_FUNCTIONS, *FUNCTIONS)

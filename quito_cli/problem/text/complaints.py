@@ -51,7 +51,7 @@ class Complaint:
 
 
 class Locator(Protocol):
-    """What finds paths in a text: `quito_cli.problem.source.Source`, seen from below it."""
+    """What finds paths in a text: `quito_cli.problem.text.source.Source`, seen from below it."""
 
     @property
     def name(self) -> str:

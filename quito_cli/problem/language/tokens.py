@@ -12,7 +12,7 @@ import re
 import unicodedata
 from typing import Final, NamedTuple
 
-from quito_cli.problem.names import word_message
+from quito_cli.problem.language.names import word_message
 
 MAX_LENGTH: Final = 10_000
 

@@ -13,10 +13,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
-from quito_cli.problem.functions import BOUNDARY_FUNCTIONS, FUNCTIONS
-from quito_cli.problem.names import KNOWN_CONSTANTS, nearest
-from quito_cli.problem.order import MAX_DEPTH, TOO_DEEP, check_order
-from quito_cli.problem.tokens import ExpressionError, Token, read_tokens
+from quito_cli.problem.language.functions import BOUNDARY_FUNCTIONS, FUNCTIONS
+from quito_cli.problem.language.names import KNOWN_CONSTANTS, nearest
+from quito_cli.problem.language.order import MAX_DEPTH, TOO_DEEP, check_order
+from quito_cli.problem.language.tokens import ExpressionError, Token, read_tokens
 
 _COMPARISONS: Final = {
     ast.Lt: "<",

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from quito_cli.problem.complaints import Path, Position
+from quito_cli.problem.text.complaints import Path, Position
 
 _BREAK = re.compile(r"\r\n|[\n\r\x85\u2028\u2029]")
 BLANK = " \t\n\r\x85\u2028\u2029"

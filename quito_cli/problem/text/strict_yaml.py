@@ -20,8 +20,8 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from quito_cli.problem.complaints import Complaint, ProblemError, plain_words
-from quito_cli.problem.source import Node, Source
+from quito_cli.problem.text.complaints import Complaint, ProblemError, plain_words
+from quito_cli.problem.text.source import Node, Source
 
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _LONGEST = 1_000_000  # characters of a file

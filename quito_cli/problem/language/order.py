@@ -10,9 +10,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-from quito_cli.problem.functions import FUNCTIONS
-from quito_cli.problem.names import WORD_OPERATORS
-from quito_cli.problem.tokens import Token
+from quito_cli.problem.language.functions import FUNCTIONS
+from quito_cli.problem.language.names import WORD_OPERATORS
+from quito_cli.problem.language.tokens import Token
 
 MAX_BRACKETS: Final = 50
 MAX_DEPTH: Final = 200

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
-from quito_cli.problem.functions import shape_text
+from quito_cli.problem.language.functions import shape_text
 
 if TYPE_CHECKING:
     from casadi import SX

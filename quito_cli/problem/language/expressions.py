@@ -19,16 +19,16 @@ from functools import reduce
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
-from quito_cli.problem.functions import (
+from quito_cli.problem.language.functions import (
     FUNCTIONS,
     MAX_ENTRIES,
     FunctionRow,
     check_one_shape,
     shape_text,
 )
-from quito_cli.problem.names import KNOWN_CONSTANTS, is_valid_name, nearest
-from quito_cli.problem.operations import COMPARE, operate, product_work, take
-from quito_cli.problem.syntax import (
+from quito_cli.problem.language.names import KNOWN_CONSTANTS, is_valid_name, nearest
+from quito_cli.problem.language.operations import COMPARE, operate, product_work, take
+from quito_cli.problem.language.syntax import (
     Comparison,
     Expression,
     comparison_operators,
@@ -36,7 +36,7 @@ from quito_cli.problem.syntax import (
     parse_comparison,
     subscripts,
 )
-from quito_cli.problem.tokens import ExpressionError
+from quito_cli.problem.language.tokens import ExpressionError
 
 if TYPE_CHECKING:
     import numpy as np

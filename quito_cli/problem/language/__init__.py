@@ -1,0 +1,1 @@
+"""Formulas: text -> tokens -> checked syntax tree -> CasADi SX."""
