@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from quito_cli.errors import UsageError
 
 if TYPE_CHECKING:
-    from quito_cli.problem.options import RequestedOptions
+    from quito_cli.problem.options import CommonOptions
     from quito_cli.problem.schema import Problem
     from quito_cli.solution.solution import Solution
     from quito_cli.solvers.outcome import Listener
@@ -38,7 +38,7 @@ class Options:
     solver_options: Mapping[str, float | int | bool | str] = field(default_factory=dict)
 
     @classmethod
-    def resolve(cls, file: RequestedOptions, given: Mapping[str, Any]) -> Options:
+    def resolve(cls, file: CommonOptions, given: Mapping[str, Any]) -> Options:
         """Return the options of a solve: given ones, then the file's, then the defaults.
 
         Args:
@@ -67,6 +67,8 @@ class Options:
         return replace(cls(), **wanted)
 
 
+RESCALINGS = 2
+"""Solves that may follow because the guess misjudged the size of the cost."""
 QUASI_INTERPOLANT_ONLY = ("variance", "generating_function", "normalised")
 """Options that mean nothing to the classical controls."""
 MESH_TOLERANCE = 1e-3
@@ -104,11 +106,11 @@ def solve(
     from quito_cli.problem.load import changed, load
     from quito_cli.solution.extract import extract
     from quito_cli.solution.follow import guided
-    from quito_cli.solvers import minimise
+    from quito_cli.solvers import Status, minimise
     from quito_cli.transcription.cells import Discretization
     from quito_cli.transcription.mesh import Mesh
     from quito_cli.transcription.schemes import scheme
-    from quito_cli.transcription.transcribe import transcribe
+    from quito_cli.transcription.transcribe import FAR_TOO_SMALL, transcribe, wanted_scale
 
     if isinstance(problem, str | Path):
         problem = load(problem)
@@ -128,9 +130,17 @@ def solve(
     )
     nlp = transcribe(model, method, chosen.objective_scale, chosen.path_points)
     built = time.perf_counter() - started
-    outcome, residuals = minimise(
-        nlp, chosen.tolerance, chosen.max_iterations, dict(chosen.solver_options), listener
-    )
+    settings = chosen.tolerance, chosen.max_iterations, dict(chosen.solver_options), listener
+    outcome, residuals = minimise(nlp, *settings)
+    for _ in range(RESCALINGS if chosen.objective_scale is None else 0):
+        scale = wanted_scale(outcome.cost)
+        if nlp.objective_scale > FAR_TOO_SMALL * scale or outcome.status is Status.INTERRUPTED:
+            break
+        # The guess was so costly that the objective counts for nothing: again, from the answer.
+        before = outcome
+        nlp = replace(transcribe(model, method, scale, chosen.path_points), guess=outcome.w)
+        outcome, residuals = minimise(nlp, *settings)
+        outcome = outcome.following(before)
     return extract(problem, nlp, outcome, residuals, asdict(chosen), built)
 
 

@@ -352,7 +352,7 @@ REFUSED_SETTINGS = {
     "mu=": "write NAME=VALUE",
     "=1": "write NAME=VALUE",
     "states.x9.upper=1": "there is no 'states.x9'; did you mean 'x1'?",
-    "options.steps=4": "only time, states, controls, constants can be set",
+    "options.steps=4": "only time, states, controls, parameters, tables, constants can be set",
     "states.x1.initial.lower=1": "'states.x1.initial' is a single value",
     "mu=wrong": "unknown name 'wrong'",
     "mu=1e999": "not",
@@ -388,7 +388,6 @@ def test_the_command_line_wins_over_the_file_and_the_file_over_defaults(
         "substeps": 1,
         "tolerance": 1e-8,
         "max_iterations": 50,
-        "objective_scale": 10.0,
         "solver_options": {"mu_strategy": "adaptive", "mu_init": 1e-2, "acceptable_iter": 0},
     }
     unasked = {"path_points": None, "guess": None, "objective_scale": None}
@@ -630,7 +629,7 @@ REFUSED_OPTIONS = {
     ("--variance", "nan"): "variance: expected a finite number, got nan",
     ("--variance", "0.01"): "variance 0.01 is too small for the generating function gaussian",
     ("--tolerance", "0"): "tolerance: expected a number above 0, got 0",
-    ("--tolerance", "2"): "tolerance: expected a number below 1, got 2",
+    ("--tolerance", "2"): "tolerance: expected at most 0.001, got 2",
     ("--max-iterations", "-1"): "max-iterations: expected at least 0, got -1",
     ("--objective-scale", "0"): "objective-scale: expected a number above 0, got 0",
     ("--generating-function", "gausian"): "did you mean 'gaussian'?",

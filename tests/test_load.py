@@ -263,12 +263,15 @@ def test_a_value_that_the_file_does_not_have_can_be_set() -> None:
         ("constants.kk", "no constant 'kk'"),
         ("states.y.upper", "there is no 'states.y'"),
         ("states.x.initial.lower", "'states.x.initial' is a single value"),
-        ("dynamics.x", "only time, states, controls, constants can be set"),
-        ("cost.lagrange", "only time, states, controls, constants can be set"),
-        ("options.solver_options", "only time, states, controls, constants can be set"),
-        ("title.x", "only time, states, controls, constants can be set"),
+        ("dynamics.x", "only time, states, controls, parameters, tables, constants can be set"),
+        ("cost.lagrange", "only time, states, controls, parameters, tables, constants can be set"),
+        (
+            "options.solver_options",
+            "only time, states, controls, parameters, tables, constants can be set",
+        ),
+        ("title.x", "only time, states, controls, parameters, tables, constants can be set"),
         ("", "no constant ''"),
-        (".", "only time, states, controls, constants can be set"),
+        (".", "only time, states, controls, parameters, tables, constants can be set"),
     ],
 )
 def test_what_cannot_be_set(key: str, said: str) -> None:

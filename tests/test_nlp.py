@@ -662,5 +662,5 @@ def test_a_multiplier_of_a_bound_that_does_not_exist_counts(function: str, model
     free = nlp.lower < nlp.upper
     lam_g: Any = np.linalg.lstsq(jacobian.T[free], -gradient[free], rcond=None)[0]
     lam_w = np.where(free, -(gradient + jacobian.T @ lam_g), 0.0)
-    claimed = Outcome(Status.SOLVED, w, lam_g, lam_w, 0, {}, 0.0, 0.0, "")
+    claimed = Outcome(Status.SOLVED, w, lam_g, lam_w, 0, {}, 0.0, 0.0, "", 0.0)
     assert residuals(nlp, claimed).largest > 1e-3

@@ -69,6 +69,12 @@ def main() -> None:
     except QuitoError as error:
         print(f"quito: {error}" if "\n" not in str(error) else str(error), file=sys.stderr)
         sys.exit(error.exit_code)
+    except BrokenPipeError:  # the reader has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
+    except OSError as error:
+        print(f"quito: {error.strerror or error}", file=sys.stderr)
+        sys.exit(2)
     except MemoryError:
         print("quito: out of memory; try fewer --steps", file=sys.stderr)
         sys.exit(1)

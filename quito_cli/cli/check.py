@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from quito_cli.cli.text import plain
 from quito_cli.errors import QuitoError
 
 
@@ -77,8 +78,8 @@ def _print(report: dict[str, Any], quiet: bool) -> None:
     count = len(report["warnings"])
     verdict = "no complaints" if not count else f"{count} warning{'s' if count > 1 else ''}"
     if not quiet:
-        typer.echo(typer.style(report["title"] or report["file"], bold=True))
-        typer.echo(f"\n{report['mathematics']}\n")
+        typer.echo(typer.style(plain(report["title"] or report["file"]), bold=True))
+        typer.echo(f"\n{plain(report['mathematics'])}\n")
         typer.echo(f"{report['file']}: {verdict}")
     if count:
         typer.echo(report["shown"])

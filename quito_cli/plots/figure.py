@@ -159,10 +159,11 @@ def _draw(axes: Axes, curve: Curve) -> None:
     for bound in (curve.lower, curve.upper):
         if np.isfinite(bound) and low - reach <= bound <= high + reach:
             axes.axhline(bound, color=_BOUND, linewidth=0.9, linestyle=":", label="bound")
-    if high - low <= 1e-9 * max(abs(high), 1.0):  # rounding is no shape
-        axes.set_ylim(low - 0.5 * max(abs(low), 1.0), high + 0.5 * max(abs(high), 1.0))
     if curve.logarithmic:
         axes.set_yscale("log")
+        axes.set_ylim(low / 3, high * 3)
+    elif high - low <= 1e-9 * max(abs(high), 1.0):  # rounding is no shape
+        axes.set_ylim(low - 0.5 * max(abs(low), 1.0), high + 0.5 * max(abs(high), 1.0))
     axes.set_ylabel(curve.label)
     axes.grid(alpha=0.25)
     axes.margins(x=0.01)

@@ -15,7 +15,7 @@ from quito_cli.problem.text.complaints import suggest
 from quito_cli.problem.text.strict_yaml import read
 from quito_cli.problem.validate import validate
 
-SETTABLE = ("time", "states", "controls", "constants")
+SETTABLE = ("time", "states", "controls", "parameters", "tables", "constants")
 """Sections whose values `--set section.key...=value` may change."""
 MAX_BYTES = 4_000_000
 

@@ -261,6 +261,18 @@ class Model:
             [self.xdot, ca.vertcat(*integrands)],
         )
 
+    @cached_property
+    def determined_controls(self) -> NDArray[np.bool_]:
+        """(n_u,): controls that an equality along the path speaks of."""
+        import casadi as ca
+
+        found = np.zeros(self.n_u, dtype=bool)
+        for constraint in self.constraints.path:
+            if constraint.determines_control:
+                pattern = ca.jacobian_sparsity(constraint.value, self.u)
+                found[pattern.get_triplet()[1]] = True
+        return found
+
     @property
     def n_q(self) -> int:
         """Number of integrals: the running cost and the integral constraints."""

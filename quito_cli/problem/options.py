@@ -36,8 +36,8 @@ def _name_of_number(value: Any) -> Any:
     return _BY_NUMBER.get(int(value), value) if str(value).isdigit() else value
 
 
-class RequestedOptions(BaseModel):
-    """What a call or a command line may ask for, each with its meaning."""
+class CommonOptions(BaseModel):
+    """What anyone may ask for, each with its meaning."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
@@ -58,12 +58,10 @@ class RequestedOptions(BaseModel):
     """Integration scheme of states and cost."""
     substeps: Annotated[int | None, Field(ge=1, strict=True)] = None
     """Steps of the scheme in each control cell."""
-    tolerance: Annotated[float | None, Field(gt=0, lt=1)] = None
+    tolerance: Annotated[float | None, Field(gt=0, le=1e-3)] = None
     """Tolerance of the solver on the scaled first-order conditions."""
     max_iterations: Annotated[int | None, Field(ge=0, strict=True)] = None
     """Iterations after which the solver gives up."""
-    objective_scale: Annotated[float | None, Field(gt=0)] = None
-    """Factor of the cost in the nonlinear program; by default chosen from the cost's size."""
     path_points: PathPointsName | None = None
     """Where inequalities along the path hold: at nodes, or at all substep offsets; by default at
     the offsets for those that contain a control, at the nodes for those of states alone. An
@@ -136,7 +134,14 @@ def refuse_solver_option(name: str, value: object) -> str | None:
     return f"'{name}' takes a number"
 
 
-class FileOptions(RequestedOptions):
+class RequestedOptions(CommonOptions):
+    """What a call or a command line may ask for."""
+
+    objective_scale: Annotated[float | None, Field(gt=0)] = None
+    """Factor of the cost in the nonlinear program; by default chosen from the cost's size."""
+
+
+class FileOptions(CommonOptions):
     """What a problem file may ask for; the command line wins."""
 
     steps: Annotated[int | None, Field(ge=1, le=20_000, strict=True)] = None

@@ -80,8 +80,8 @@ def evidence(
         found,
         tuple(float(v) for v in total_variation(dense.controls)),
         _ringing(model, method, answer),
-        nlp.notes + (_warnings(found, gap, terminal, again) if not failed else ()),
-        diagnose(nlp, outcome, residuals, trajectory, nodes) + _missed(model, again)
+        nlp.notes + (() if failed else _warnings(found, gap, terminal, answer.cost, again)),
+        diagnose(nlp, outcome, residuals, trajectory, nodes) + _missed(model, again, outcome.status)
         if failed
         else (),
     )
@@ -123,15 +123,20 @@ def _defects(nlp: Nlp, residuals: Residuals, times: Array) -> tuple[Violation, .
     )
 
 
-def _missed(model: Model, again: Resimulation) -> tuple[str, ...]:
+def _missed(model: Model, again: Resimulation, status: Status) -> tuple[str, ...]:
     """Say which final value the control misses most when it is integrated."""
     at_end, (lower, upper) = again.states[-1], model.final
     if not np.isfinite(at_end).all():
         return ()
     outside = np.maximum(np.maximum(lower - at_end, at_end - upper), 0.0)
-    worst = int(np.argmax(outside)) if outside.size else 0
-    if not outside.size or outside[worst] <= 1e-6:
+    worst = int(np.argmax(outside))
+    if outside[worst] <= 1e-6 and status is not Status.INFEASIBLE:
         return ()
+    if outside[worst] <= 1e-6:
+        return (
+            "Integrated with this control by a finer integrator, the end conditions are met: the "
+            "dynamics may be too stiff for these steps; try more --substeps or --steps.",
+        )
     limit = lower[worst] if at_end[worst] < lower[worst] else upper[worst]
     return (
         f"Integrated with this control, {labels(model.states)[worst]} ends at {at_end[worst]:.6g} "
@@ -145,7 +150,9 @@ def _finite_or_inf(value: float) -> float:
 
 def _ringing(model: Model, method: Discretization, answer: Answer) -> tuple[float, ...]:
     """Return the ringing index of each control on the grid of the cells' offsets."""
-    offsets = method.offsets[method.offsets < 1]
+    # A staircase is no ringing: of a cellwise control the values count, not the steps.
+    cellwise = method.basis.function.cellwise
+    offsets = np.array([0.5]) if cellwise else method.offsets[method.offsets < 1]
     cells, places = method.mesh.points(offsets)
     u = answer.control.basis.evaluate(answer.control.coefficients, cells, places)
     known = np.full(u.shape, np.nan)
@@ -153,16 +160,21 @@ def _ringing(model: Model, method: Discretization, answer: Answer) -> tuple[floa
         fractions = method.mesh.fractions[cells] + places * method.mesh.steps[cells]
         times = answer.times[0] + (answer.times[1] - answer.times[0]) * fractions
         known = Known.sample(model.known.controls, model.controls, times)
+    sizes = np.where(np.isfinite(model.control_bounds.upper), model.control_bounds.upper, 0.0)
+    sizes = np.maximum(np.abs(sizes), np.abs(u).max(axis=0, initial=0.0))
     return tuple(
         ringing_index(
-            u[:, i], len(offsets), known[:, i] if np.isfinite(known[:, i]).all() else None
+            u[:, i],
+            len(offsets),
+            known[:, i] if np.isfinite(known[:, i]).all() else None,
+            float(sizes[i]),
         )
         for i in range(model.n_u)
     )
 
 
 def _warnings(
-    found: tuple[Violation, ...], gap: float, terminal: float, again: Resimulation
+    found: tuple[Violation, ...], gap: float, terminal: float, cost: float, again: Resimulation
 ) -> tuple[str, ...]:
     warnings = [
         f"{v.constraint} is violated by {v.amount:.2g} at t = {v.time:.6g}"
@@ -177,6 +189,12 @@ def _warnings(
     if terminal > WORTH_A_WARNING:
         warnings.append(
             f"the re-simulated state misses the final conditions by {terminal:.2g} of its size"
+        )
+    missed, size = abs(cost - again.cost), max(abs(cost), abs(float(again.integrals[0])))
+    if not np.isfinite(missed) or missed > max(WORTH_A_WARNING * size, 1e-6):
+        warnings.append(
+            f"the re-simulated cost differs by {missed:.2g}: the mesh does not resolve it; try "
+            "more --steps or --substeps"
         )
     if again.accuracy > WORTH_A_WARNING:
         warnings.append(

@@ -21,7 +21,7 @@ ZONE = 12
 """Cells on either side of a jump that a quasi-interpolant may need to get over it."""
 STEEPER = 4.0
 """A jump is this much steeper than what is usual within sixteen cells of it."""
-FLOOR = 1e-4
+FLOOR = 3e-4
 """Second differences of this fraction of the span are seen by nobody."""
 
 
@@ -30,15 +30,18 @@ def total_variation(samples: Array) -> Array:
     return np.asarray(np.abs(np.diff(samples, axis=0)).sum(axis=0))
 
 
-def ringing_index(samples: Array, width: int, reference: Array | None = None) -> float:
+def ringing_index(
+    samples: Array, width: int, reference: Array | None = None, size: float = 0.0
+) -> float:
     """Return the ringing index of one control.
 
     Args:
         samples: (points,) û on a uniform grid, `width` points a cell.
         width: points a cell.
         reference: (points,) the known control on the same grid.
+        size: of the control or its bounds; a span of a millionth of it is none.
     """
-    span = float(np.ptp(samples))
+    span = max(float(np.ptp(samples)), 1e-6 * size)
     if span == 0.0:
         return 0.0
     smooth = _running_mean(samples, 4 * width) if reference is None else reference

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -67,3 +67,17 @@ class Outcome:
     solve_seconds: float
     said: str
     """The solver's own word for its status."""
+    cost: float
+    """Of the minimisation, as the solver says."""
+
+    def following(self, before: Outcome) -> Outcome:
+        """Return this outcome with the counts, times and history of one that led to it."""
+        both = (self.iterations, before.iterations)
+        names = self.history.keys() & before.history.keys()
+        return replace(
+            self,
+            iterations=None if None in both else sum(n or 0 for n in both),
+            history={n: np.append(before.history[n], self.history[n]) for n in sorted(names)},
+            build_seconds=self.build_seconds + before.build_seconds,
+            solve_seconds=self.solve_seconds + before.solve_seconds,
+        )

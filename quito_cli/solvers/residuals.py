@@ -6,7 +6,9 @@
     sign             a multiplier of a bound that does not exist counts as nothing
 
 with s = max(100, mean |λ|)/100, as in Wächter and Biegler, *Math. Program.* 106 (2006), section
-2.1. All are of the scaled nonlinear program, like the tolerance they are compared with.
+2.1. All are of the scaled nonlinear program, like the tolerance they are compared with. Where
+the objective's scale is far smaller than the cost calls for, stationarity and complementarity are
+raised in proportion: a small scale buys no success.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.solvers.outcome import Outcome
-from quito_cli.transcription.transcribe import Nlp
+from quito_cli.transcription.transcribe import FAR_TOO_SMALL, Nlp, wanted_scale
 
 Array = NDArray[np.float64]
 
@@ -70,7 +72,9 @@ def residuals(nlp: Nlp, outcome: Outcome) -> Residuals:
     gradient = gradient + np.array(jacobian.T @ lam_g).ravel()
     free = nlp.lower < nlp.upper
     multipliers = np.concatenate([lam_g, lam_w])
+    cost = float(assembled.gradient(w, [])[0]) / nlp.objective_scale
     scale = max(100.0, float(np.mean(np.abs(multipliers)))) / 100.0
+    scale *= min(1.0, nlp.objective_scale / (FAR_TOO_SMALL * wanted_scale(cost)))
     violations = _violation(g, nlp.row_lower, nlp.row_upper)
     slackness = np.concatenate(
         [

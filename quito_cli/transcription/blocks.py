@@ -17,6 +17,7 @@ from quito_cli.transcription.cells import (
     PathOutput,
     shared_symbols,
 )
+from quito_cli.transcription.control import ControlBasis
 from quito_cli.transcription.guess import Guess
 from quito_cli.transcription.layout import Layout
 from quito_cli.transcription.rows import RowBook, Rows
@@ -249,15 +250,25 @@ def _add_point(
     program.terms.append(Term(function, S, mesh.fractions[[[node]]], rows[:, None], weights))
 
 
+def bounded_by_coefficients(model: Model, basis: ControlBasis) -> NDArray[np.bool_]:
+    """Return which controls are bounded by bounding their coefficients, (n_u,).
+
+    Those of a convex basis, but for one that an equality determines: it may have to leave its bound
+    at once, which coefficients within bounds cannot follow. Of any normalised basis, those that
+    are fixed.
+    """
+    convex = basis.convex & ~model.determined_controls
+    return np.asarray(convex | (basis.normalised & model.control_bounds.fixed))
+
+
 def add_control_rows(program: Program) -> None:
     """Bound û itself at the nodes and all offsets, for bases whose coefficients bound nothing."""
     import casadi as ca
 
     model, mesh, offsets = program.model, program.method.mesh, program.method.offsets
     lower, upper = model.control_bounds
-    open_ended = ~(np.isfinite(lower) | np.isfinite(upper))
-    settled = program.method.basis.normalised & model.control_bounds.fixed  # by its coefficients
-    (bounded,) = np.nonzero(~open_ended & ~settled)
+    limited = np.isfinite(lower) | np.isfinite(upper)
+    (bounded,) = np.nonzero(limited & ~bounded_by_coefficients(model, program.method.basis))
     if not bounded.size:
         return
     cells, places = mesh.points(offsets[offsets < 1])

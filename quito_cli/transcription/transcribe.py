@@ -14,6 +14,7 @@ from quito_cli.transcription.blocks import (
     add_control_rows,
     add_ends,
     add_points,
+    bounded_by_coefficients,
 )
 from quito_cli.transcription.cells import (
     CellFunctions,
@@ -31,6 +32,15 @@ Array = NDArray[np.float64]
 
 COST_SIZE = 100.0
 """What the objective is scaled to: at size one singular problems end with an unresolved control."""
+
+
+FAR_TOO_SMALL = 0.1
+"""Part of the wanted scale under which the objective counts for too little."""
+
+
+def wanted_scale(cost: float) -> float:
+    """Return the scale of the objective that a cost of that size calls for."""
+    return COST_SIZE / max(1.0, abs(cost)) if np.isfinite(cost) else COST_SIZE
 
 
 @dataclass(frozen=True)
@@ -88,11 +98,10 @@ def transcribe(
     cells = add_cells(program, cell, 1 / state_unit)
     add_ends(program)
     add_points(program)
-    if not method.basis.convex:
-        add_control_rows(program)
+    add_control_rows(program)
     lower, upper = _bounds(model, method, layout)
     start = np.clip(guess.unknowns(method.basis, layout), lower, upper) / unit
-    scale = objective_scale or COST_SIZE / max(1.0, _cost_at(program.terms, start))
+    scale = objective_scale or wanted_scale(_cost_at(program.terms, start))
     terms = tuple(replace(term, weights=scale * term.weights) for term in program.terms)
     row_lower, row_upper, row_scale = program.book.gathered()
     return Nlp(
@@ -121,8 +130,7 @@ def _bounds(model: Model, method: Discretization, layout: Layout) -> tuple[Array
         nodes[0], nodes[-1] = list(model.initial)[side], list(model.final)[side]
         inner = np.full(layout.cells * layout.own * layout.n_x, infinity)
         control = list(model.control_bounds)[side]
-        bounding = basis.convex | (basis.normalised & model.control_bounds.fixed)
-        coefficient = np.where(bounding, control, infinity)
+        coefficient = np.where(bounded_by_coefficients(model, basis), control, infinity)
         parts = [shared, list(model.parameter_bounds)[side], nodes.ravel(), inner]
         sides.append(np.concatenate([*parts, np.tile(coefficient, basis.count)]))
     return sides[0], sides[1]

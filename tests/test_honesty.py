@@ -1,0 +1,131 @@
+"""What must not be called solved, and what must not be refused: found by looking for it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import quito_cli as quito
+from quito_cli.plots.figure import figure
+from quito_cli.problem.load import load_text
+
+
+def solve(text: str, **options: Any) -> quito.Solution:
+    return quito.solve(load_text(text, "case.yaml"), **options)
+
+
+COSTLY_GUESS = """
+time: {initial: 0, final: 1}
+states: {x: {initial: 1, guess: "GUESS"}}
+controls: {u: {}}
+dynamics: {x: u}
+cost: {lagrange: x^4 + u^2 + (u - sin(5*t))^4}
+"""
+
+
+def test_a_costly_guess_changes_nothing() -> None:
+    """The scale of the objective comes from the guess; it must not decide what is optimal."""
+    near = solve(COSTLY_GUESS.replace("GUESS", "1"))
+    far = solve(COSTLY_GUESS.replace("GUESS", "1e4*t"))
+    assert near.success
+    assert far.success
+    assert far.cost == pytest.approx(near.cost, abs=1e-7)
+
+
+def test_a_landing_from_afar_is_the_linear_quadratic_one() -> None:
+    """x'' = u, cost 1000 (x^4 + v^4) at the end: the cost of the exact two-point solution."""
+    text = """
+time: {initial: 0, final: 20}
+states: {x: {initial: 1000}, v: {initial: 0}}
+controls: {u: {}}
+dynamics: {x: v, v: u}
+cost: {lagrange: u^2, mayer: 1e3*x^4 + 1e3*v^4}
+"""
+    found = solve(text)
+    # u is linear in t; its two coefficients solve stationarity of a polynomial in two unknowns.
+    T = 20.0
+
+    def ends(a: float, b: float) -> tuple[float, float]:
+        return 1000 + a * T**2 / 2 + b * T**3 / 6, a * T + b * T**2 / 2
+
+    def slope(z: np.ndarray) -> np.ndarray:
+        a, b = z
+        x, v = ends(a, b)
+        end = np.array([4e3 * x**3, 4e3 * v**3])
+        moves = np.array([[T**2 / 2, T], [T**3 / 6, T**2 / 2]])
+        energy = np.array([2 * (a * T + b * T**2 / 2), 2 * (a * T**2 / 2 + b * T**3 / 3)])
+        return np.asarray(energy + moves @ end)
+
+    from scipy.optimize import root
+
+    a, b = root(slope, [-6000 / T**2, 12000 / T**3], tol=1e-12).x
+    x, v = ends(a, b)
+    cost = a**2 * T + a * b * T**2 + b**2 * T**3 / 3 + 1e3 * x**4 + 1e3 * v**4
+    assert found.success
+    assert found.cost == pytest.approx(cost, rel=1e-6)
+
+
+def test_a_small_scale_buys_no_success() -> None:
+    assert not solve(COSTLY_GUESS.replace("GUESS", "1"), objective_scale=1e-8).success
+
+
+def test_a_cost_that_the_mesh_does_not_resolve_is_told() -> None:
+    text = """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0, final: 1}}
+controls: {u: {}}
+dynamics: {x: u}
+cost: {lagrange: "u^2 + if_else(t > 0.503, 10, 0)"}
+"""
+    found = solve(text, steps=10)
+    assert any("re-simulated cost" in warning for warning in found.evidence.warnings)
+
+
+def test_a_law_may_leave_its_bound_at_once() -> None:
+    """u = -x starts on its bound -1: coefficients within bounds could not follow."""
+    text = """
+time: {initial: 0, final: 1}
+states: {x: {initial: 1}}
+controls: {u: {lower: -1, upper: 1}}
+dynamics: {x: u}
+cost: {lagrange: x^2}
+constraints: {path: {law: u == -x}}
+"""
+    found = solve(text)
+    assert found.success
+    assert found.cost == pytest.approx((1 - np.exp(-2)) / 2, abs=1e-7)
+
+
+def test_dynamics_too_stiff_for_the_steps_are_called_so() -> None:
+    text = """
+time: {initial: 0, final: 1}
+states: {x: {initial: 1}, y: {initial: 0}}
+controls: {u: {lower: -1, upper: 1}}
+dynamics: {x: -1000*(x - y), y: u}
+cost: {lagrange: (x - 0.1)^2}
+"""
+    coarse = solve(text, steps=20, substeps=1, max_iterations=100)
+    assert not coarse.success or coarse.evidence.warnings
+    assert solve(text, substeps=6).success
+
+
+def test_the_mesh_is_drawn_in_the_middle_of_its_picture() -> None:
+    drawn = figure(quito.solve("bang_bang", steps=20), ("mesh",))
+    (axes,) = drawn.axes
+    low, high = axes.get_ylim()
+    assert 0 < low < 1 / 20 < high
+    assert np.sqrt(low * high) == pytest.approx(1 / 20, rel=0.1)
+
+
+def test_no_control_at_all_does_not_ring() -> None:
+    text = """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0}}
+controls: {u: {lower: -1, upper: 1}}
+dynamics: {x: u}
+cost: {lagrange: x^2 + u^2}
+"""
+    assert solve(text).evidence.ringing[0] < 1
+    assert solve(text, control="piecewise-constant").evidence.ringing[0] < 1
