@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
+import io
 import json
 import os
 import pty
@@ -12,6 +14,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 import tomllib
 from collections.abc import Callable, Iterator
@@ -953,10 +956,74 @@ def test_a_newer_format_says_which(quito_: Quito, tmp_path: Path, result: Path) 
 
 # Whatever is done to a problem file
 
+EVERY_KEY = """\
+title: A loaded cart over measured ground
+source: nobody
+description: The load p pays, the ground drags.
+constants: {A: [[0, 1], [0, -0.1]], B: [0, 1], most: 2, weight: 1e-3}
+time:
+  initial: 0
+  final: {lower: 1, upper: 4, guess: 2}
+states:
+  x:
+    size: 2
+    initial: [0, 0]
+    final: [1, {lower: -0.1, upper: 0.1}]
+    lower: [-1, null]
+    upper: 3
+    guess: ["t/2", 0.4]
+    scale: [1, 0.5]
+    unit: m
+    description: position and velocity
+  w: {initial: 0, guess: {times: [0, 4], values: [0, 1]}, scale: 2}
+controls:
+  u: {lower: -most, upper: most, guess: "if_else(t < 1, 1, -1)", scale: 1, unit: N}
+  v: {size: 2, lower: [-1, -1], upper: 1, guess: {times: [0, 4], values: [[0, 0], [0.1, -0.1]]}}
+parameters:
+  p: {lower: 0.1, upper: 2, guess: 1, scale: 1, unit: kg, description: load}
+  q: {size: 2, guess: [0.1, 0.2]}
+tables:
+  ground: {x: [-1, 0, 0.5, 1, 3], y: [0, 0.1, 0.3, 0.2, 0.1], method: cubic}
+  wind: {x: [0, 4], y: [0, 0.1], method: linear}
+expressions:
+  drag: interpolate(x[0], ground) + interpolate(t, wind)
+  energy: dot(x, x)/2
+dynamics:
+  x: A @ x + B*(u - drag)/(1 + p)
+  w: if_else(abs(u) < 1, u^2, 2*abs(u) - 1)
+sense: maximize
+cost:
+  lagrange: -weight*(u^2 + dot(v, v)) - sum(q^2)
+  mayer: sqrt(p) - t - 0.01*final(w) + initial(x)[0]
+constraints:
+  path:
+    mixed: u + x[1] <= 2.5
+    ring: -1 <= energy + 0*t <= 9
+    disc: norm(v + 1e-3) <= 0.9
+    shape: "[0.1, 0.2]*x[0:2] + v >= -3"
+    tied: v[0] == q[0]*v[1]
+    heavy: p + x[1] <= 5
+  boundary:
+    closed: final(energy) <= 1 + initial(energy)
+    short: final(t) - initial(t) <= 3.5
+    load: p >= 0.2
+  integral:
+    fuel: u^2 <= 8
+    band: -1 <= x[1] <= 5
+  point:
+    gate: {at: 1/2, holds: "x[1] >= 0.1"}
+published:
+  - {tool: pencil, steps: 10, time: 1, iterations: 3, violation: 0.1, error_norm: 1, dft_norm: 2}
+options: {steps: 10, variance: 2, path_points: substeps, tolerance: 1e-8}
+"""
+"""A file that uses the whole language, for what is made of its pieces."""
 TEXTS = [
-    path.read_text(encoding="utf-8")
-    for folder in (ROOT / "problems", ACCEPTED)
-    for path in sorted(folder.glob("*.yaml"))
+    *(
+        path.read_text(encoding="utf-8")
+        for folder in (ROOT / "problems", ACCEPTED)
+        for path in sorted(folder.glob("*.yaml"))
+    ),
+    *[EVERY_KEY] * 12,
 ]
 TOKENS = (
     *(
@@ -982,7 +1049,23 @@ TOKENS = (
     *("#", "&a ", "*a", "!x ", "|", ">", "? ", "%", "=", "x1", "u", "t", "x[0]", "size: 2", "-1"),
     *("size: 0", "1e999", ".nan", ".inf", "null", "true", "final(x1)", "if_else(", "lower: ", "é"),
     *("---\n", "<<: ", "9^9^9", "1/0", "[[1, 2], [3, 4]]", "{lower: 1, upper: 2}", "\\", "\u2028"),
+    *("<=", ">=", "==", "<", "p", "q", "A", "x[0:2]", "initial(x)", "final(t)", "energy", "ground"),
+    *("interpolate(t, wind)", "{at: 0.5, holds: u <= 1}", "{times: [0, 1], values: [0, 1]}"),
+    *(
+        "0",
+        "1e-300",
+        "-1e300",
+        "sqrt(-1)",
+        "0*x",
+        "norm(x)",
+        "inv(A)",
+        "maximize",
+        "null",
+        "[]",
+        "{}",
+    ),
 )
+_WORDS = re.compile(r"\w[\w.]*|[<>=]=|[-+*/^@]")
 
 
 @st.composite
@@ -994,7 +1077,7 @@ def mutated(draw: st.DrawFn) -> str:
         end = min(len(text), start + draw(st.sampled_from((0, 1, 2, 3, 8, 30, 200))))
         lines = text.split("\n")
         i, j = draw(st.integers(0, len(lines) - 1)), draw(st.integers(0, len(lines) - 1))
-        match draw(st.integers(0, 5)):
+        match draw(st.integers(0, 9)):
             case 0:
                 text = text[:start] + text[end:]
             case 1:
@@ -1008,6 +1091,10 @@ def mutated(draw: st.DrawFn) -> str:
             case 5:
                 lines[i], lines[j] = lines[j], lines[i]
                 text = "\n".join(lines)
+            case _ if words := list(_WORDS.finditer(text)):  # what may well be read still
+                old = draw(st.sampled_from(words))
+                new = draw(st.sampled_from([*TOKENS, *(word[0] for word in words)]))
+                text = text[: old.start()] + new + text[old.end() :]
     return text
 
 
@@ -1019,3 +1106,73 @@ def test_any_text_is_read_or_refused(text: str) -> None:
     except QuitoError as error:
         assert str(error)  # noqa: PT017 - that it can be said is the point
         assert error.exit_code == 2  # noqa: PT017
+
+
+_WRITES = {"os.mkdir", "os.remove", "os.rename", "os.rmdir", "os.symlink", "os.link", "os.truncate"}
+_STARTS = {"subprocess.Popen", "os.system", "os.exec", "os.fork", "socket.connect"}
+_done: list[str] | None = None
+"""What Python is seen to write or start, while that is looked at."""
+
+
+def _see(event: str, arguments: tuple[Any, ...]) -> None:
+    if _done is None:
+        return
+    flags = os.O_WRONLY | os.O_RDWR | os.O_CREAT
+    if event in _STARTS:
+        _done.append(event)
+    elif event in _WRITES or (event == "open" and arguments[2] & flags):
+        path = os.fsdecode(arguments[0]) if not isinstance(arguments[0], int) else ""
+        if path and "__pycache__" not in path:
+            _done.append(os.path.abspath(path))
+
+
+sys.addaudithook(_see)
+
+
+def _run_in(folder: Path, *arguments: str) -> tuple[Ran, list[str]]:
+    """Run a command in this process with `folder` as its own, and say what it wrote or started."""
+    global _done
+    out, err, code = io.StringIO(), io.StringIO(), 0
+    before, here = sys.argv, Path.cwd()
+    try:
+        os.chdir(folder)
+        sys.argv, _done = ["quito", *arguments], []
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            main()
+    except SystemExit as left:
+        code = left.code if isinstance(left.code, int) else int(left.code is not None)
+    finally:
+        done, _done = _done or [], None
+        sys.argv = before
+        os.chdir(here)
+    return Ran(code, out.getvalue(), err.getvalue()), done
+
+
+@settings(
+    max_examples=100,
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
+)
+@given(mutated())
+def test_any_file_is_checked_and_solved_or_refused(text: str) -> None:
+    """Exit 0, 1 or 2 within seconds, no traceback, nothing written outside the output folder."""
+    solve = ("-N", "5", "--max-iterations", "3", "--no-plot", "-o", "../out")
+    with tempfile.TemporaryDirectory() as name:
+        root = Path(name).resolve()
+        (root / "here").mkdir()
+        file, out = root / "here" / "mutated.yaml", root / "out"
+        file.write_bytes(given_bytes := text.encode("utf-8", "surrogatepass"))
+        for arguments in (("check", file.name), ("solve", file.name, *solve)):
+            begun = time.perf_counter()
+            ran, done = _run_in(root / "here", *arguments)
+            assert time.perf_counter() - begun < 5
+            assert ran.code in {0, 1, 2}
+            assert "Traceback" not in ran.out + ran.err
+            assert "bug in quito" not in ran.err
+            assert ran.code or not ran.err
+            assert all(Path(path).is_relative_to(out) for path in done)
+            if ran.code == 2 or arguments[0] == "check":
+                assert written(root) == {"here/mutated.yaml"}
+            else:
+                assert written(root) == {"here/mutated.yaml", "out/mutated.h5"}
+        assert file.read_bytes() == given_bytes

@@ -462,7 +462,10 @@ COMPLAINTS: dict[str, tuple[str, str]] = {
     "final(x[0])": ("final() takes a name alone, as in final(t) or final(x)[0]", "final(x[0])"),
     # tables
     "a*interpolate(a, wnd)": ("'wnd' is no table; did you mean 'wind'?", "wnd"),
-    "interpolate(a, mu)": ("'mu' is no table", "mu"),
+    "interpolate(a, mu)": (
+        "'mu' is no table: measured data are given by name under `tables:`",
+        "mu",
+    ),
     "interpolate(wind, a)": ("'wind' is a table: write interpolate(x, wind)", "wind"),
     "2*wind^2": ("'wind' is a table: write interpolate(x, wind)", "wind"),
     "2*wnd^2": ("unknown name 'wnd'; did you mean 'wind'?", "wnd"),

@@ -153,20 +153,18 @@ def _constraints(scopes: Scopes, start: Instant, end: Instant) -> Constraints:
     def read(kind: str, texts: dict[str, str]) -> tuple[Constraint, ...]:
         scope = boundary if kind == "boundary" else along
         found = (
-            read_comparison(scopes, ("constraints", kind, name), text, scope, name)
+            read_comparison(
+                *(scopes, ("constraints", kind, name), text, scope, name),
+                integral=kind == "integral",
+            )
             for name, text in texts.items()
         )
         return tuple(constraint for constraint in found if constraint is not None)
 
-    integral = read("integral", given.integral)
-    for constraint in integral:
-        if len(constraint.bounds.lower) != 1:
-            path: Path = ("constraints", "integral", constraint.name)
-            scopes.reader.complain(path, "one side is the integrand, the others are constants")
     return Constraints(
         read("path", given.path),
         read("boundary", given.boundary),
-        integral,
+        read("integral", given.integral),
         _points(scopes, start, end),
     )
 

@@ -6,12 +6,14 @@ is bounded by zero. A chain with constants at both ends is two-sided; any other 
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from quito_cli.problem.language.expressions import (
     Comparison,
+    Expression,
     ExpressionError,
     evaluate,
     parse_comparison,
@@ -24,23 +26,26 @@ from quito_cli.problem.values import Path
 if TYPE_CHECKING:
     import casadi as ca
 
+_INFINITY = dict.fromkeys(
+    ("inf", "Inf", "infinity"), "infinity bounds nothing: leave this side of the comparison out"
+)
 _WRITE = {"<": "<=", ">": ">="}
 
 
 def read_comparison(
-    scopes: Scopes, path: Path, text: str, scope: Scope, name: str
+    scopes: Scopes, path: Path, text: str, scope: Scope, name: str, *, integral: bool = False
 ) -> Constraint | None:
     """Return the constraint that `text` says, or None after a complaint."""
     try:
         comparison = parse_comparison(text)
-        if scopes.reader.is_poisoned(n for side in comparison.sides for n in side.names):
+        if scopes.reader.is_poisoned(n for s in comparison.sides for n in (*s.names, *s.tables)):
             return None
         _check_operators(comparison, text)
         sides = [
             evaluate(
                 side,
                 scope.values,
-                refused=scope.refused,
+                refused={**_INFINITY, **scope.refused},
                 initial=scope.initial,
                 final=scope.final,
                 tables=scopes.tables,
@@ -48,6 +53,8 @@ def read_comparison(
             for side in comparison.sides
         ]
         _check_shapes(comparison, sides)
+        if integral:
+            _check_integrand(comparison, sides)
         value, bounds = _bounded(comparison, sides)
     except ExpressionError as error:
         complaint = Complaint(path, error.message, error.offset, error.length)
@@ -68,14 +75,18 @@ def read_comparison(
 
 def _check_operators(comparison: Comparison, text: str) -> None:
     operators = comparison.operators
-    for wrong in ("<", ">", "!="):
-        if wrong in operators:
+    for side, wrong in zip(comparison.sides[1:], operators, strict=True):
+        if wrong in ("<", ">", "!="):
             remedy = f"write {_WRITE[wrong]}" if wrong in _WRITE else "write <=, >= or =="
             message = f"'{wrong}' cannot be held by a solver: {remedy}"
-            raise ExpressionError(message, max(text.find(wrong), 0), len(wrong))
+            offset = text.rfind(wrong, 0, side.span(side.tree)[0])
+            raise ExpressionError(message, max(offset, 0), len(wrong))
     if len(operators) > 2:
         raise ExpressionError("a chain has three sides at most: low <= value <= high", 0, len(text))
-    if len(operators) == 2 and (operators[0] != operators[1] or operators[0] == "=="):
+    if len(operators) == 2 and "==" in operators:
+        message = "a chain has no '==': write two constraints, each with a name of its own"
+        raise ExpressionError(message, 0, len(text))
+    if len(operators) == 2 and operators[0] != operators[1]:
         message = f"a chain goes one way: {operators[0]} and then {operators[1]} do not"
         raise ExpressionError(message, 0, len(text))
 
@@ -89,27 +100,48 @@ def _check_shapes(comparison: Comparison, sides: list[ca.SX]) -> None:
         raise ExpressionError(message, 0, len(first.text))
 
 
+def _check_integrand(comparison: Comparison, sides: list[ca.SX]) -> None:
+    """One side is integrated, so that the others are constants; its integral is one number."""
+    varying = [i for i, side in enumerate(sides) if not side.is_constant()]
+    if len(varying) > 1:
+        said = comparison.sides[varying[1]]
+        message = "an integral has one integrand: the other sides are constants, and this is none"
+        raise said.error(message, said.tree)
+    for side, said in zip(sides, comparison.sides, strict=True):
+        if side.numel() != 1:
+            message = (
+                f"an integral is a scalar, this has {side.numel()} entries: take them one by one"
+            )
+            raise said.error(message, said.tree)
+
+
 def _bounded(comparison: Comparison, sides: list[ca.SX]) -> tuple[ca.SX, Bounds]:
     """Return value and bounds of a comparison with sides ascending or equal."""
     import casadi as ca
 
     operators = comparison.operators
-    size = max(side.numel() for side in sides)
+    size, said = max(side.numel() for side in sides), comparison.sides
     sides = [ca.repmat(side, size // side.numel(), 1) for side in sides]
     if operators[0] == ">=":
-        sides = sides[::-1]
-    known = [_numbers(side) for side in sides]
+        sides, said = sides[::-1], said[::-1]
+    known = [_numbers(side, expression) for side, expression in zip(sides, said, strict=True)]
+    text = comparison.sides[0].text
     if all(side is not None for side in known):
-        text = comparison.sides[0].text
-        message = "both sides are constants: this constrains nothing"
+        message = (
+            f"{'both' if len(sides) == 2 else 'all'} sides are constants: this constrains nothing"
+        )
+        raise ExpressionError(message, 0, len(text))
+    if any(a is not None and b is not None for a, b in pairwise(known)):
+        message = "two sides next to each other are constants: leave one of them out"
         raise ExpressionError(message, 0, len(text))
     infinite = np.full(size, np.inf)
     if len(sides) == 3:
         low, middle, high = known
         if low is not None and middle is None and high is not None:
             if np.any(low > high):
-                message = f"the chain allows nothing: {low[0]:g} is above {high[0]:g}"
-                raise ExpressionError(message, 0, len(comparison.sides[0].text))
+                i = int(np.argmax(low > high))
+                message = f"the chain allows nothing: {low[i]:g} is above {high[i]:g}"
+                raise ExpressionError(message, 0, len(text))
             return sides[1], Bounds(low, high)
         gaps = ca.vertcat(sides[1] - sides[0], sides[2] - sides[1])
         return gaps, Bounds(np.zeros(2 * size), np.tile(infinite, 2))
@@ -134,7 +166,7 @@ def _size(sides: list[ca.SX], value: ca.SX) -> ca.SX:
     return ca.repmat(size, value.numel() // rows, 1)
 
 
-def _numbers(side: ca.SX) -> np.ndarray | None:
+def _numbers(side: ca.SX, said: Expression) -> np.ndarray | None:
     """Return a constant side as numbers.
 
     Raises:
@@ -146,5 +178,5 @@ def _numbers(side: ca.SX) -> np.ndarray | None:
         return None
     numbers = np.array(ca.DM(side)).ravel()
     if not np.isfinite(numbers).all():
-        raise ExpressionError("a side of the comparison is not finite", 0, 1)
+        raise said.error("this side of the comparison is not finite", said.tree)
     return numbers

@@ -12,7 +12,7 @@ from quito_cli.problem.model import Bounds, GuessFunction, Hints, Instant, Varia
 from quito_cli.problem.schema import Control, Parameter, State
 from quito_cli.problem.schema_values import FreeTime, GuessTable
 from quito_cli.problem.scopes import Scope, Scopes
-from quito_cli.problem.values import Path
+from quito_cli.problem.values import Path, miscounted
 
 if TYPE_CHECKING:
     import casadi as ca
@@ -31,22 +31,33 @@ def times(scopes: Scopes) -> tuple[Instant, Instant]:
     if start.fixed and end.fixed and end.lower <= start.lower:
         message = f"the final time {end.lower:g} is not after the initial time {start.lower:g}"
         scopes.reader.complain(("time", "final"), message)
-    elif end.lower <= start.lower or end.upper <= start.upper or end.guess <= start.guess:
-        message = _not_after(start, end)
-        scopes.reader.complain(("time", "final"), message)
+    elif wrong := _not_after(start, end):
+        which, key, message = wrong
+        path: Path = ("time", which)
+        given = getattr(scopes.problem.time, which)
+        inside = isinstance(given, FreeTime) and getattr(given, key) is not None
+        scopes.reader.complain((*path, key) if inside else path, message)
     return start, end
 
 
-def _not_after(start: Instant, end: Instant) -> str:
+def _not_after(start: Instant, end: Instant) -> tuple[str, str, str] | None:
+    """Return where and why a free final time may come before the initial one: it must not."""
     if end.lower <= start.lower:
-        bound = f"{end.lower:g}" if np.isfinite(end.lower) else "none"
-        return (
-            f"the final time needs a lower bound above the initial time {start.lower:g}, "
-            f"it is {bound}: final: {{lower: ...}}"
-        )
-    if end.upper <= start.upper:
-        return f"the latest final time {end.upper:g} is not after the latest initial time"
-    return f"the guessed final time {end.guess:g} is not after the initial one {start.guess:g}"
+        if not np.isfinite(end.lower):
+            it_is = f"the initial time {start.lower:g}: write final: {{lower: ...}}"
+        else:
+            it_is = f"the initial time {start.lower:g}, not {end.lower:g}"
+        return "final", "lower", f"the final time needs a lower bound above {it_is}"
+    if not end.fixed and np.isfinite(end.upper) and end.upper <= start.upper:
+        message = f"the latest final time {end.upper:g} is not after the latest initial time"
+        return "final", "upper", f"{message} {start.upper:g}"
+    if end.fixed and end.upper <= start.upper:
+        message = f"the initial time needs an upper bound below the final time {end.upper:g}"
+        return "initial", "upper", f"{message}: write initial: {{upper: ...}}"
+    if end.guess <= start.guess:
+        message = f"the guessed final time {end.guess:g} is not after the initial one"
+        return "final", "guess", f"{message}, {start.guess:g}"
+    return None
 
 
 def _instant(
@@ -69,6 +80,10 @@ def _instant(
     lower, upper, guess = read["lower"], read["upper"], read["guess"]
     assert lower is not None
     assert upper is not None
+    if lower == np.inf or upper == -np.inf:
+        key = "lower" if lower == np.inf else "upper"
+        reader.complain((*path, key), "no time is infinite; for no bound leave it out")
+        return None
     reader.ordered((*path, "upper"), Bounds(np.array([lower]), np.array([upper])))
     if guess is not None and not lower <= guess <= upper:
         reader.complain((*path, "guess"), f"the guess {guess:g} is outside its bounds")
@@ -149,6 +164,10 @@ def hints(scopes: Scopes, parameter_bounds: Bounds) -> Hints:
     """Return guesses and scales."""
     problem = scopes.problem
     parameters = _each(scopes, "parameters", scopes.parameters, "guess")
+    for variable in scopes.parameters:
+        if np.isinf(parameters[variable.entries]).any():
+            message = "a guess is finite; leave it out to start from the bounds"
+            scopes.reader.complain(("parameters", variable.name, "guess"), message)
     unknown = np.isnan(parameters) & ~np.isfinite(parameter_bounds.lower)
     for variable in scopes.parameters:
         if np.any((unknown & ~np.isfinite(parameter_bounds.upper))[variable.entries]):
@@ -209,8 +228,7 @@ def _guess(scopes: Scopes, section: str, variable: Variable, value: Any) -> Gues
 
     stacked = ca.vertcat(*(ca.vec(entry) for entry in good))
     if stacked.numel() not in (1, variable.size):
-        message = f"expected {variable.size} entries, got {stacked.numel()}"
-        scopes.reader.complain(path, message)
+        scopes.reader.complain(path, miscounted(variable.size, stacked.numel()))
         return None
     stacked = ca.repmat(stacked, variable.size // stacked.numel(), 1)
     return _sampled(ca.Function("guess", [scopes.t], [stacked]))
@@ -235,8 +253,12 @@ def _guess_table(scopes: Scopes, path: Path, table: GuessTable, size: int) -> Gu
             wanted = f"{size} finite numbers" if size > 1 else "a finite number"
             scopes.reader.complain((*path, "values", i), f"expected {wanted}")
             return None
-    if not np.isfinite(times).all() or np.any(np.diff(times) <= 0):
-        place = int(np.argmax(np.append(False, ~(np.diff(times) > 0))))
+    if not np.isfinite(times).all():
+        place = int(np.argmin(np.isfinite(times)))
+        scopes.reader.complain((*path, "times", place), "a time of a guess is a finite number")
+        return None
+    if np.any(np.diff(times) <= 0):
+        place = 1 + int(np.argmax(np.diff(times) <= 0))
         scopes.reader.complain((*path, "times", place), "the times of a guess increase")
         return None
     values = np.array(rows, dtype=float)

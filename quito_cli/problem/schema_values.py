@@ -113,12 +113,18 @@ Instant = Annotated[Number | Formula | Annotated[FreeTime, Tag("=mapping")], Dis
 """A number, an expression of constants such as pi/2, or {lower:, upper:, guess:} where free."""
 
 
+Numbers = Annotated[list[float], Field(max_length=MAX_SIZE), Tag("=list")]
+
+
 class GuessTable(Strict):
     """A guess by values at times, linear in between."""
 
     times: Annotated[list[float], Field(min_length=2, max_length=MAX_TABLE)]
     """Increasing times."""
-    values: Annotated[list[float | list[float]], Field(min_length=2, max_length=MAX_TABLE)]
+    values: Annotated[
+        list[Annotated[Number | Numbers, Discriminator(kind)]],
+        Field(min_length=2, max_length=MAX_TABLE),
+    ]
     """A value for each time; a list of values for a vector."""
 
 

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     import casadi as ca
 
 _NO_CONTROL = "a control has no value at a single time: use it in the running cost"
+_PATH_CONTROL = "a control has no value at a single time: use it in a path constraint"
 _ENDS_ONLY = "say which value is meant: initial({name}) or final({name})"
 _EARLIER = "constants are made of numbers and earlier constants"
 _MOVING = (
@@ -99,12 +100,13 @@ class Scopes:
             complaints = check(table.x, table.y)
             for place, message in complaints:
                 path: Path = ("tables", name)
-                self.reader.complain(path if place is None else (*path, "x", place), message)
+                column = "y" if message.startswith(f"entry {place} of y ") else "x"
+                self.reader.complain(path if place is None else (*path, column, place), message)
             if complaints:
                 self.reader.poison(name)
             else:
                 data = TableData(name, np.array(table.x), np.array(table.y), table.method)
-                self.tables[name] = data
+                self.tables[name] = self.reader.tables[name] = data
 
     def _read_constants(self) -> None:
         varying = {"t": f"'t' is the time: {_EARLIER}"}
@@ -168,10 +170,11 @@ class Scopes:
                     scope[name] = bare[name] = at_end
         bare_names = [*(v.name for v in self.states), "t", *self.problem.expressions]
         ends_only = {n: _ENDS_ONLY.format(name=n) for n in bare_names} | at_ends
+        at_path = dict.fromkeys((v.name for v in self.controls), _PATH_CONTROL)
         return (
             Scope(along, {}),
             Scope(final_scope, at_ends, initial, final),
-            Scope(fixed, ends_only, initial, final),
+            Scope(fixed, ends_only | at_path, initial, final),
         )
 
     def formula(self, path: Path, value: float | str, scope: Scope) -> ca.SX | None:
@@ -183,7 +186,6 @@ class Scopes:
             refused=scope.refused,
             initial=scope.initial,
             final=scope.final,
-            tables=self.tables,
         )
 
 

@@ -21,8 +21,10 @@ Path = tuple[str | int, ...]
 
 _STAND_IN = "mended"
 """A name that counts as poisoned: a formula in place of one that could not be read."""
-_NAMING = ("constants", "states", "controls")
+_NAMING = ("constants", "states", "controls", "parameters", "tables", "expressions")
 """Sections whose keys are names in formulas."""
+_VARIABLES = ("states", "controls", "parameters")
+"""Sections whose entries are mappings, in which a wrong key can be left out."""
 _ASIDE = ("reference", "published", "options")
 """Sections that the other ones do not speak of."""
 
@@ -34,6 +36,7 @@ _ALTERNATIVES = {
     "state": "an expression of t or a list of pieces {until:, value:}",
     "control": "an expression of t or a list of pieces {until:, value:}",
 }
+_GUESS = "an expression of t, a list with one for each entry, or {times:, values:}"
 _MISSING = {
     "states": "every problem needs `states:`",
     "dynamics": "every problem needs `dynamics:`, one line for each state",
@@ -98,7 +101,9 @@ def _rename(data: Any, path: Path) -> bool:
     if path[0] in _ASIDE and path[1:]:
         return _replace(data, path)
     holder = _holder(data, path)
-    value = holder.pop(path[-1], None)
+    if path[-1] not in holder:  # left out already, for another mistake beside it
+        return True
+    value = holder.pop(path[-1])
     meant = _meant(path, holder)
     if meant:
         holder[meant] = value
@@ -119,11 +124,16 @@ def _replace(data: Any, path: Path) -> bool:
             data["cost"] = {}
         case ("time" | "dynamics" as section, key, *_):
             data[section][key] = _STAND_IN
-        case (str(section), name, "size", *_) if section in _NAMING:
-            data[section][name] = {}  # nothing that has a length can be checked
+        case ("constraints", str(kind), name, *_) if isinstance(data.get("constraints"), dict):
+            _holder(data, ("constraints", kind, name)).pop(name, None)
+        case (str(section), name, "size", *_) if section in _VARIABLES and section in data:
+            data[section][name] = _unknown(section)  # nothing that has a length can be checked
             return False
-        case (str(section), name, key, *_) if section in ("states", "controls"):
-            data[section][name].pop(key, None)
+        case (str(section), name, key, *_) if section in _VARIABLES:
+            variable = _holder(data, (section, name, key))
+            variable.pop(key, None)
+            if section == "parameters":
+                variable |= {"guess": 0} if variable.get("guess") is None else {}
         case (str(section), key, *_):
             data[section].pop(key, None)
             return section not in _NAMING
@@ -132,11 +142,21 @@ def _replace(data: Any, path: Path) -> bool:
     return True
 
 
+def _unknown(section: str) -> dict[str, Any]:
+    """Return a variable of which nothing is known."""
+    return {"guess": 0} if section == "parameters" else {}
+
+
 def _holder(data: Any, path: Path) -> Any:
-    """Return the mapping that holds the last key of a path."""
+    """Return the mapping that holds the last key of a path; empty where it is left out already."""
     for step in path[:-1]:
-        data = data[step]
-    return data
+        if isinstance(data, dict):
+            data = data.get(step)
+        elif isinstance(data, list) and isinstance(step, int):
+            data = data[step]
+        else:
+            return {}
+    return data if isinstance(data, dict) else {}
 
 
 def _known_keys(path: Path) -> list[str]:
@@ -207,6 +227,8 @@ def expected(detail: ErrorDetails, path: Path = ()) -> str:
             return str(context["error"])
         case "union_tag_not_found" | "union_tag_invalid":
             wanted = _alternatives(path)
+        case "model_type" | "dict_type" | "model_attributes_type" if path[:1] == ("constraints",):
+            wanted = _CONSTRAINTS[min(len(path), 3) if path[1:2] == ("point",) else len(path)]
         case "model_type" | "dict_type" | "model_attributes_type":
             wanted = "a mapping, `key: value` lines or {...}"
         case "literal_error":
@@ -217,6 +239,8 @@ def expected(detail: ErrorDetails, path: Path = ()) -> str:
             return f"expected at most {_entries(context['max_length'])}, got {_length(context)}"
         case "too_short":
             return f"expected at least {_entries(context['min_length'])}, got {_length(context)}"
+        case "string_type" if _comparison_at(path):
+            wanted = "a comparison with a name of its own, such as limit: x <= 1"
         case "string_type" if isinstance(value, bool | int | float):
             return f"expected text, got {_shown(value)}: quote it"
         case _:
@@ -224,7 +248,28 @@ def expected(detail: ErrorDetails, path: Path = ()) -> str:
     return f"expected {wanted}, got {_shown(value)}"
 
 
+_CONSTRAINTS = {
+    1: "kinds of constraints, such as path: {limit: x <= 1}",
+    2: "names with what must hold, such as limit: x <= 1",
+    3: "a time and what must hold then, {at: 0.5, holds: x <= 1}",
+}
+
+
+def _comparison_at(path: Path) -> bool:
+    """Whether a comparison stands at a path."""
+    return path[:1] == ("constraints",) and (len(path) == 3 or path[-1] == "holds")
+
+
 def _alternatives(path: Path) -> str:
+    if path[:1] == ("time",):
+        inner = path[2:] and path[2] in ("lower", "upper", "guess")
+        return (
+            "a number or an expression"
+            if inner
+            else "a number, an expression, or {lower:, upper:, guess:} where it is free"
+        )
+    if path[:1] in (("states",), ("controls",)) and "guess" in path[2:3]:
+        return "a number" if "values" in path[3:] else _GUESS
     keys = [step for step in reversed(path) if step in _ALTERNATIVES]
     if not keys:
         return "a number or an expression"
@@ -241,7 +286,7 @@ def _entries(count: int) -> str:
 
 
 def _length(context: dict[str, Any]) -> Any:
-    return context["actual_length"]
+    return "more" if context["actual_length"] is None else context["actual_length"]
 
 
 def _plain(detail: ErrorDetails) -> str:

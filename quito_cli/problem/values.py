@@ -38,6 +38,7 @@ class Reader:
     def __init__(self, poisoned: Iterable[str] = ()) -> None:
         self.complaints: list[Complaint] = []
         self._poisoned = set(poisoned)
+        self.tables: dict[str, TableData] = {}
 
     def complain(self, path: Path, message: str, *, key: bool = False) -> None:
         """Note a mistake at `path`."""
@@ -61,7 +62,6 @@ class Reader:
         refused: Mapping[str, str] | None = None,
         initial: Scope | None = None,
         final: Scope | None = None,
-        tables: Mapping[str, TableData] | None = None,
     ) -> ca.SX | None:
         """Return the value of a number or formula, or None where it has none."""
         import casadi as ca
@@ -81,7 +81,7 @@ class Reader:
                 refused={**_INFINITY, **(refused or {})},
                 initial=initial,
                 final=final,
-                tables=tables or {},
+                tables=self.tables,
             )
         except ExpressionError as error:
             self.complaints.append(Complaint(path, error.message, error.offset, error.length))
@@ -188,7 +188,7 @@ class Reader:
         refused: Mapping[str, str],
     ) -> Array:
         if len(entries) != size:
-            self.complain(path, _miscounted(size, len(entries)))
+            self.complain(path, miscounted(size, len(entries)))
             return np.full(size, otherwise)
         read = [
             otherwise
@@ -204,7 +204,7 @@ class Reader:
         """Return bounds from an end value: fixed, a range, free (None), or a list of these."""
         if isinstance(value, list):
             if len(value) != size:
-                self.complain(path, _miscounted(size, len(value)))
+                self.complain(path, miscounted(size, len(value)))
                 value = None
             else:
                 parts = [
@@ -247,6 +247,7 @@ def _entries(size: int) -> str:
     return f"{size} entries" if size > 1 else "one entry"
 
 
-def _miscounted(size: int, given: int) -> str:
+def miscounted(size: int, given: int) -> str:
+    """Say how many entries there should be."""
     hint = "; a vector needs its `size`" if size == 1 else ""
     return f"expected {_entries(size)}, got {given}{hint}"

@@ -5,7 +5,8 @@
 Processes alternate (A B A B …), and medians count; all modules are compiled before, as those of an
 installed package are. The limits are those this project set itself:
 `quito --help` at most 1.5 times `import typer, rich`; `quito solve alychan --no-plot` at most 1.6
-times the import of what any such program imports, plus the solve.
+times the import of what any such program imports, plus the solve; `quito check alychan` at most
+1.5 times the import of what reading a problem takes.
 """
 
 from __future__ import annotations
@@ -21,8 +22,10 @@ import quito_cli as quito
 ROUNDS = 15
 HELP_LIMIT = 1.5
 SOLVE_LIMIT = 1.6
+CHECK_LIMIT = 1.5
 COMMAND_LINE = ("-c", "import typer, rich")
 LIBRARIES = ("-c", "import casadi, h5py, pydantic, typer, yaml")
+READING = ("-c", "import casadi, pydantic, typer, yaml")
 COMMAND = ("-m", "quito_cli")
 
 
@@ -84,3 +87,21 @@ def test_solve(bytecode: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str
     ]
     show(capsys, f"quito solve: ratio {ratio:.2f} (limit {SOLVE_LIMIT})", rows)
     assert ratio <= GUARD * SOLVE_LIMIT
+
+
+@pytest.mark.benchmark
+def test_check(bytecode: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Ratio of the process `quito check alychan` to the process that imports what it imports."""
+    pairs = interleaved(
+        lambda: process_seconds(*COMMAND, "check", "alychan", bytecode=bytecode),
+        lambda: process_seconds(*READING, bytecode=bytecode),
+        ROUNDS,
+    )
+    ratio = median_ratio(pairs)
+    rows = [
+        ["process", "median ms"],
+        ["quito check alychan", _milliseconds(median(p[0] for p in pairs))],
+        ["import casadi, pydantic, typer, yaml", _milliseconds(median(p[1] for p in pairs))],
+    ]
+    show(capsys, f"quito check: ratio {ratio:.2f} (limit {CHECK_LIMIT})", rows)
+    assert ratio <= GUARD * CHECK_LIMIT

@@ -222,6 +222,7 @@ class _Evaluation:
         at, name = self.value(node.args[0]), self.expression.source_of(node.args[-1])
         if name not in self.tables:
             hint = nearest(name, self.tables, 0.5)
+            hint = hint or ": measured data are given by name under `tables:`"
             raise self._error(f"'{name}' is no table{hint}", node.args[-1])
         self._spend(at.numel() * self.tables[name].operations, node)
         return row.apply([at, self.tables[name]])
