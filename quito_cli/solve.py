@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from quito_cli.errors import UsageError
 
 if TYPE_CHECKING:
+    from quito_cli.problem.model import Model
     from quito_cli.problem.options import CommonOptions
     from quito_cli.problem.schema import Problem
     from quito_cli.solution.solution import Solution
@@ -67,6 +68,8 @@ class Options:
         return replace(cls(), **wanted)
 
 
+MOST_OF_A_FILE = 1_000_000
+"""Variables times substeps that a file may ask for by itself."""
 RESCALINGS = 2
 """Solves that may follow because the guess misjudged the size of the cost."""
 QUASI_INTERPOLANT_ONLY = ("variance", "generating_function", "normalised")
@@ -116,11 +119,13 @@ def solve(
         problem = load(problem)
     problem = changed(problem, constants or {})
     earlier, guess = _earlier(options.pop("guess", None))
+    given = {name for name, value in options.items() if value is not None}
     chosen = replace(Options.resolve(problem.options, options), guess=guess)
     started = time.perf_counter()
     model = build(problem)
     if earlier is not None:
         model = guided(model, earlier)
+    _refuse_too_large(model, chosen, "steps" in given)
     points = [constraint.at for constraint in model.constraints.point]
     method = Discretization(
         Mesh.through(chosen.steps, np.array(points, dtype=float)),
@@ -142,6 +147,21 @@ def solve(
         outcome, residuals = minimise(nlp, *settings)
         outcome = outcome.following(before)
     return extract(problem, nlp, outcome, residuals, asdict(chosen), built)
+
+
+def _refuse_too_large(model: Model, options: Options, asked: bool) -> None:
+    """Keep a file from asking for more than a machine has; a person may ask for anything.
+
+    Raises:
+        UsageError: the file's own steps and sizes make too large a program.
+    """
+    size = (model.n_x + model.n_u) * options.steps * options.substeps
+    if size > MOST_OF_A_FILE and not asked:
+        raise UsageError(
+            f"the file asks for {options.steps} cells of {options.substeps} steps with "
+            f"{model.n_x + model.n_u} states and controls, which may take hours and all memory; if "
+            "you mean it, say so with -N"
+        )
 
 
 def _earlier(guess: str | Path | Solution | None) -> tuple[Solution | None, str | None]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+import time
 from typing import Any
 
 import numpy as np
@@ -120,3 +122,52 @@ cost: {lagrange: x^2 + u^2}
 """
     assert solve(text).evidence.ringing[0] < 1
     assert solve(text, control="piecewise-constant").evidence.ringing[0] < 1
+
+
+def test_formulas_that_grow_together_are_refused_soon() -> None:
+    """Each is within its own limit; sixty of them would take minutes and gigabytes."""
+    size = 55
+    rows = ", ".join(f"[{', '.join('0.1' for _ in range(size))}]" for _ in range(size))
+    chain = "".join(f"  e{i}: e{i - 1} @ e0\n" for i in range(1, 60))
+    text = f"""
+constants: {{C: [{rows}]}}
+time: {{initial: 0, final: 1}}
+states: {{x: {{size: {size}, initial: 0}}}}
+controls: {{u: {{size: {size}}}}}
+dynamics: {{x: u}}
+cost: {{lagrange: "e59[0, 0]"}}
+expressions:
+  e0: diag(x) + C
+{chain}"""
+    started = time.perf_counter()
+    with pytest.raises(quito.ProblemError, match="together") as caught:
+        solve(text)
+    assert len(caught.value.complaints) == 1
+    assert time.perf_counter() - started < 30  # minutes, without the limit
+
+
+def test_a_file_may_not_ask_for_more_than_a_machine_has() -> None:
+    text = """
+time: {initial: 0, final: 1}
+states: {x: {size: 200, initial: 0}}
+controls: {u: {size: 200}}
+dynamics: {x: u}
+cost: {lagrange: "dot(u, u)"}
+options: {steps: 20000, substeps: 20}
+"""
+    with pytest.raises(quito.UsageError, match="say so with -N"):
+        solve(text)
+
+
+@pytest.mark.parametrize("function", ["laguerre4", "laguerre6", "hermite10", "trigonometric"])
+def test_a_control_that_may_overshoot_does_so_by_little(function: str) -> None:
+    found = quito.solve("van_der_pol", steps=100, generating_function=function)
+    assert found.success
+    assert np.abs(found.control(found.dense_times)).max() < 1.01
+
+
+def test_solutions_travel_between_processes_and_are_short_in_print() -> None:
+    found = quito.solve("alychan", steps=20)
+    again = pickle.loads(pickle.dumps(found))
+    assert again.control(0.3) == found.control(0.3)
+    assert len(repr(found)) < 120

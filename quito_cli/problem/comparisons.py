@@ -38,7 +38,9 @@ def read_comparison(
     """Return the constraint that `text` says, or None after a complaint."""
     try:
         comparison = parse_comparison(text)
-        if scopes.reader.is_poisoned(n for s in comparison.sides for n in (*s.names, *s.tables)):
+        if scopes.reader.budget.exhausted or scopes.reader.is_poisoned(
+            n for s in comparison.sides for n in (*s.names, *s.tables)
+        ):
             return None
         _check_operators(comparison, text)
         sides = [
@@ -49,6 +51,7 @@ def read_comparison(
                 initial=scope.initial,
                 final=scope.final,
                 tables=scopes.tables,
+                budget=scopes.reader.budget,
             )
             for side in comparison.sides
         ]

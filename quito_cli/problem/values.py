@@ -13,7 +13,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.problem.language.expressions import Expression, ExpressionError, evaluate, parse
+from quito_cli.problem.language.expressions import (
+    Budget,
+    Expression,
+    ExpressionError,
+    evaluate,
+    parse,
+)
 from quito_cli.problem.language.tables import TableData
 from quito_cli.problem.model import Bounds
 from quito_cli.problem.schema_values import Range
@@ -37,6 +43,7 @@ class Reader:
 
     def __init__(self, poisoned: Iterable[str] = ()) -> None:
         self.complaints: list[Complaint] = []
+        self.budget = Budget()
         self._poisoned = set(poisoned)
         self.tables: dict[str, TableData] = {}
 
@@ -73,7 +80,7 @@ class Reader:
             return ca.SX(value)
         try:
             expression: Expression = parse(value)
-            if self.is_poisoned((*expression.names, *expression.tables)):
+            if self.budget.exhausted or self.is_poisoned((*expression.names, *expression.tables)):
                 return None
             return evaluate(
                 expression,
@@ -82,6 +89,7 @@ class Reader:
                 initial=initial,
                 final=final,
                 tables=self.tables,
+                budget=self.budget,
             )
         except ExpressionError as error:
             self.complaints.append(Complaint(path, error.message, error.offset, error.length))

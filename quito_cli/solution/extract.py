@@ -13,6 +13,7 @@ from quito_cli.problem.schema import Problem
 from quito_cli.solution.evidence import Answer, evidence
 from quito_cli.solution.resimulation import Control
 from quito_cli.solution.solution import (
+    MultiplierAxes,
     Origin,
     Quantity,
     ReferenceSamples,
@@ -64,6 +65,7 @@ def extract(
         answer.parameters,
         _costates(nlp, outcome),
         _multipliers(nlp, outcome),
+        {b.name: MultiplierAxes(start + (end - start) * b.fractions, b.labels) for b in nlp.blocks},
         evidence(nlp, outcome, residuals, answer, options["tolerance"]),
         Statistics(
             outcome.iterations,

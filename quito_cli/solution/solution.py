@@ -100,6 +100,15 @@ class Evidence:
 
 
 @dataclass(frozen=True)
+class MultiplierAxes:
+    """The axes of a block of multipliers."""
+
+    times: Array
+    """(places,)."""
+    labels: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Statistics:
     """Counts and times."""
 
@@ -134,6 +143,8 @@ class Solution:
     """(N+1, n_x) at the nodes: λ = ∂V/∂x of the minimisation, unscaled."""
     multipliers: Mapping[str, Array]
     """Of the nonlinear program's rows, by block, unscaled: (places, labels)."""
+    multiplier_axes: Mapping[str, MultiplierAxes]
+    """When and of what the multipliers of each block are."""
     evidence: Evidence
     statistics: Statistics
     history: Mapping[str, Array]
@@ -147,6 +158,10 @@ class Solution:
         for value in (*vars(self).values(), *vars(self.trajectory).values()):
             if isinstance(value, np.ndarray):
                 value.flags.writeable = False
+
+    def __repr__(self) -> str:
+        how = f"{self.status.name}, cost {self.cost:.10g}, {len(self.times) - 1} cells"
+        return f"<Solution of {self.origin.name}: {how}>"
 
     @property
     def success(self) -> bool:

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from quito_cli.errors import ResultFileError
 from quito_cli.solution.solution import (
     Evidence,
+    MultiplierAxes,
     Origin,
     Quantity,
     ReferenceSamples,
@@ -171,9 +172,10 @@ def _write(file: h5py.File, solution: Solution) -> None:
     multipliers = _Group(file, "multipliers")
     for name, values in sorted(solution.multipliers.items()):
         key = name.replace(" ", "_")
-        for i, kind in enumerate(("place", "row")):
-            multipliers.axis(f"{key}_{kind}", np.arange(values.shape[i]))
-        multipliers.data(key, values, f"{key}_place", f"{key}_row")
+        axes = solution.multiplier_axes[name]
+        multipliers.axis(f"{key}_time", axes.times)
+        multipliers.axis(f"{key}_row", _texts(axes.labels))
+        multipliers.data(key, values, f"{key}_time", f"{key}_row")
         multipliers.group[key].attrs["block"] = name
     iterations = _Group(file, "iterations")
     length = max((len(values) for values in solution.history.values()), default=0)
@@ -309,13 +311,26 @@ def _read(file: h5py.File) -> Solution:
         control["coefficients"][:],
         control["parameters"][:],
         file["trajectory/costate"][:],
-        {d.attrs["block"]: d[:] for d in file["multipliers"].values() if "block" in d.attrs},
+        *_read_multipliers(file["multipliers"]),
         _read_evidence(file["statistics"], statistics),
         _read_statistics(statistics),
         {name: d[:] for name, d in file["iterations"].items() if name != "iteration"},
         file["dense/time"][:],
         _read_reference(file["dense"]),
     )
+
+
+def _read_multipliers(
+    group: h5py.Group,
+) -> tuple[dict[str, Array], dict[str, MultiplierAxes]]:
+    blocks = {d.attrs["block"]: (key, d) for key, d in group.items() if "block" in d.attrs}
+    axes = {
+        name: MultiplierAxes(
+            group[f"{key}_time"][:], tuple(str(t) for t in group[f"{key}_row"].asstr())
+        )
+        for name, (key, _) in blocks.items()
+    }
+    return {name: d[:] for name, (_, d) in blocks.items()}, axes
 
 
 def _read_origin(group: h5py.Group) -> Origin:

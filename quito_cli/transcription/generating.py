@@ -52,22 +52,37 @@ class GeneratingFunction:
     """One coefficient a cell rather than one a node."""
 
 
-def _gaussian_times(*coefficients: float) -> Callable[[Array], Array]:
-    """Return x ↦ (a0 + a1 x² + a2 x⁴ + …) e^{−x²}/√π."""
+@dataclass(frozen=True)
+class _GaussianTimes:
+    """x ↦ (a0 + a1 x² + a2 x⁴ + …) e^{−x²}/√π."""
 
-    def value(x: Array) -> Array:
+    coefficients: tuple[float, ...]
+
+    def __call__(self, x: Array) -> Array:
         polynomial = np.zeros_like(x)
-        for coefficient in reversed(coefficients):
+        for coefficient in reversed(self.coefficients):
             polynomial = coefficient + x * x * polynomial
         decay: Array = np.exp(-x * x) / math.sqrt(math.pi)
-        return polynomial * decay
+        product: Array = polynomial * decay
+        return product
 
-    return value
+
+def _gaussian_times(*coefficients: float) -> _GaussianTimes:
+    return _GaussianTimes(coefficients)
 
 
 def _trigonometric(x: Array) -> Array:
     decay: Array = np.exp(-x * x) * math.sqrt(math.e / math.pi)
     return decay * np.cos(math.sqrt(2) * x)
+
+
+def _box(x: Array) -> Array:
+    return np.asarray(x == 0, dtype=float)
+
+
+def _hat(x: Array) -> Array:
+    peak: Array = np.maximum(0.0, 1 - np.abs(x))
+    return peak
 
 
 def _sech(x: Array) -> Array:
@@ -113,7 +128,7 @@ GENERATING_FUNCTIONS: dict[str, GeneratingFunction] = {
             "1 on its cell, 0 elsewhere",
             1,
             True,
-            lambda x: (x == 0).astype(float),
+            _box,
             scaled=False,
             cellwise=True,
         ),
@@ -123,7 +138,7 @@ GENERATING_FUNCTIONS: dict[str, GeneratingFunction] = {
             "max(0, 1 − |x|)",
             2,
             True,
-            lambda x: np.maximum(0.0, 1 - np.abs(x)),
+            _hat,
             scaled=False,
         ),
     )

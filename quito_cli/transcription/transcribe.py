@@ -130,7 +130,10 @@ def _bounds(model: Model, method: Discretization, layout: Layout) -> tuple[Array
         nodes[0], nodes[-1] = list(model.initial)[side], list(model.final)[side]
         inner = np.full(layout.cells * layout.own * layout.n_x, infinity)
         control = list(model.control_bounds)[side]
-        coefficient = np.where(bounded_by_coefficients(model, basis), control, infinity)
+        # Rows say nothing of û beyond its last point: a range of room keeps ghosts from running.
+        room = np.diff(list(model.control_bounds), axis=0)[0] * np.sign(infinity)
+        loose = np.where(np.isfinite(room), control + room, infinity)
+        coefficient = np.where(bounded_by_coefficients(model, basis), control, loose)
         parts = [shared, list(model.parameter_bounds)[side], nodes.ravel(), inner]
         sides.append(np.concatenate([*parts, np.tile(coefficient, basis.count)]))
     return sides[0], sides[1]

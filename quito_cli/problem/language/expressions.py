@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from .tables import TableData
 
 __all__ = [
+    "Budget",
     "Comparison",
     "Expression",
     "ExpressionError",
@@ -56,6 +57,8 @@ __all__ = [
     "parse_comparison",
 ]
 
+MAX_WORK_IN_ALL: Final = 1_000_000
+"""Scalar operations that all formulas of a file may write out."""
 MAX_WORK: Final = 200_000
 """Scalar operations that one expression may write out."""
 
@@ -70,6 +73,7 @@ def evaluate(
     initial: Mapping[str, SX] | None = None,
     final: Mapping[str, SX] | None = None,
     tables: Mapping[str, TableData] = _NOTHING,
+    budget: Budget | None = None,
 ) -> SX:
     """Give the value of an expression as a dense SX matrix.
 
@@ -80,12 +84,14 @@ def evaluate(
         initial: what `initial(name)` stands for; None where it has no meaning.
         final: the same for `final(name)`.
         tables: what `interpolate(x, name)` may read.
+        budget: what all formulas of a file may cost together; None for one by itself.
 
     Raises:
         ExpressionError: for an unknown name, shapes that do not fit, or too much work.
     """
     boundary = {"initial": initial, "final": final}
-    return _Evaluation(expression, scope, refused, boundary, tables).value(expression.tree)
+    walk = _Evaluation(expression, scope, refused, boundary, tables, budget or Budget())
+    return walk.value(expression.tree)
 
 
 def constant(
@@ -119,6 +125,18 @@ def constant(
 
 
 @dataclass
+class Budget:
+    """What the formulas of a file have cost so far."""
+
+    spent: int = 0
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether nothing more is to be evaluated."""
+        return self.spent > MAX_WORK_IN_ALL
+
+
+@dataclass
 class _Evaluation:
     """One walk over a checked tree."""
 
@@ -127,6 +145,7 @@ class _Evaluation:
     refused: Mapping[str, str]
     boundary: Mapping[str, Mapping[str, SX] | None]
     tables: Mapping[str, TableData]
+    budget: Budget
     work: int = 0
 
     def value(self, node: ast.expr) -> SX:
@@ -165,6 +184,10 @@ class _Evaluation:
         self.work += work
         if self.work > MAX_WORK:
             message = f"the expression is too large: it takes more than {MAX_WORK} operations"
+            raise self._error(message, node)
+        self.budget.spent += work
+        if self.budget.exhausted:
+            message = f"the formulas so far take more than {MAX_WORK_IN_ALL} operations together"
             raise self._error(message, node)
 
     def _name(self, node: ast.Name) -> SX:
