@@ -29,7 +29,7 @@ def check(
         typer.echo(json.dumps({"files": reports}, ensure_ascii=False))
     else:
         for report in reports:
-            _print(report, quiet)
+            _print(report, quiet, latex)
     if not all(report["ok"] for report in reports):
         raise typer.Exit(2)
 
@@ -71,15 +71,17 @@ def _complaints(error: Any) -> list[dict[str, Any]]:
     ]
 
 
-def _print(report: dict[str, Any], quiet: bool) -> None:
+def _print(report: dict[str, Any], quiet: bool, latex: bool) -> None:
     if not report["ok"]:
         typer.echo(report["shown"], err=True)
         return
     count = len(report["warnings"])
     verdict = "no complaints" if not count else f"{count} warning{'s' if count > 1 else ''}"
-    if not quiet:
+    if latex and not quiet:  # nothing else, to be piped into a document
+        typer.echo(plain(report["mathematics"]))
+    elif not quiet:
         typer.echo(typer.style(plain(report["title"] or report["file"]), bold=True))
         typer.echo(f"\n{plain(report['mathematics'])}\n")
         typer.echo(f"{report['file']}: {verdict}")
     if count:
-        typer.echo(report["shown"])
+        typer.echo(report["shown"], err=latex)
