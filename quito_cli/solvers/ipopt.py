@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.errors import UsageError
+from quito_cli.errors import UnavailableError, UsageError
 from quito_cli.solvers.interruption import Interruption, interruptible
 from quito_cli.solvers.outcome import Listener, Outcome, Progress, Status
 from quito_cli.transcription.transcribe import Nlp
@@ -42,6 +42,8 @@ HISTORY = {
     "dual_infeasibility": "inf_du",
     "barrier_parameter": "mu",
 }
+LINEAR_SOLVERS = ("mumps", "spral")
+"""Of IPOPT as CasADi ships it; others load libraries that it does not bring."""
 FEASIBLE = 1e-6
 """Violation under which the better of two iterates is the cheaper one."""
 
@@ -134,6 +136,7 @@ def solve(
 
     Raises:
         UsageError: IPOPT does not know an option, or its value.
+        UnavailableError: a linear solver that is not in this installation.
     """
     assembled = nlp.assembled
     with interruptible() as interruption:
@@ -154,6 +157,11 @@ def solve(
         solved = time.perf_counter()
     statistics = solver.stats()
     said = str(statistics.get("return_status", "unknown"))
+    if said == "Invalid_Option" and options.get("linear_solver") not in (None, *LINEAR_SOLVERS):
+        raise UnavailableError(
+            f"the linear solver {options['linear_solver']} is not in this installation of IPOPT; "
+            f"{' and '.join(LINEAR_SOLVERS)} are"
+        )
     if said == "Invalid_Option":
         raise UsageError(
             "IPOPT refuses an option: a linear solver that is not there, or a value out of range"
