@@ -16,8 +16,11 @@ if TYPE_CHECKING:
     from quito_cli.problem.options import CommonOptions
     from quito_cli.problem.schema import Problem
     from quito_cli.solution.solution import Solution
-    from quito_cli.solvers.outcome import Listener
+    from quito_cli.solvers import Residuals
+    from quito_cli.solvers.outcome import Listener, Outcome
+    from quito_cli.transcription.cells import Discretization
     from quito_cli.transcription.control import ControlBasis
+    from quito_cli.transcription.transcribe import Nlp
 
 
 @dataclass(frozen=True)
@@ -109,11 +112,9 @@ def solve(
     from quito_cli.problem.load import changed, load
     from quito_cli.solution.extract import extract
     from quito_cli.solution.follow import guided
-    from quito_cli.solvers import Status, minimise
     from quito_cli.transcription.cells import Discretization
     from quito_cli.transcription.mesh import Mesh
     from quito_cli.transcription.schemes import scheme
-    from quito_cli.transcription.transcribe import FAR_TOO_SMALL, transcribe, wanted_scale
 
     if isinstance(problem, str | Path):
         problem = load(problem)
@@ -133,20 +134,38 @@ def solve(
         scheme(chosen.discretization),
         chosen.substeps,
     )
-    nlp = transcribe(model, method, chosen.objective_scale, chosen.path_points)
     built = time.perf_counter() - started
-    settings = chosen.tolerance, chosen.max_iterations, dict(chosen.solver_options), listener
+    nlp, outcome, residuals, transcribed = _minimised(model, method, chosen, listener)
+    built += transcribed
+    return extract(problem, nlp, outcome, residuals, asdict(chosen), built)
+
+
+def _minimised(
+    model: Model, method: Discretization, options: Options, listener: Listener | None
+) -> tuple[Nlp, Outcome, Residuals, float]:
+    """Return program, answer, residuals and the seconds of transcription.
+
+    Where the guess was so costly that its scale makes the objective count for nothing, it is solved
+    again from the answer, with the scale that the cost found calls for.
+    """
+    from quito_cli.solvers import Status, minimise
+    from quito_cli.transcription.transcribe import FAR_TOO_SMALL, transcribe, wanted_scale
+
+    started = time.perf_counter()
+    nlp = transcribe(model, method, options.objective_scale, options.path_points)
+    seconds = time.perf_counter() - started
+    settings = options.tolerance, options.max_iterations, dict(options.solver_options), listener
     outcome, residuals = minimise(nlp, *settings)
-    for _ in range(RESCALINGS if chosen.objective_scale is None else 0):
+    for _ in range(RESCALINGS if options.objective_scale is None else 0):
         scale = wanted_scale(outcome.cost)
         if nlp.objective_scale > FAR_TOO_SMALL * scale or outcome.status is Status.INTERRUPTED:
             break
-        # The guess was so costly that the objective counts for nothing: again, from the answer.
-        before = outcome
-        nlp = replace(transcribe(model, method, scale, chosen.path_points), guess=outcome.w)
+        before, started = outcome, time.perf_counter()
+        nlp = replace(transcribe(model, method, scale, options.path_points), guess=outcome.w)
+        seconds += time.perf_counter() - started
         outcome, residuals = minimise(nlp, *settings)
         outcome = outcome.following(before)
-    return extract(problem, nlp, outcome, residuals, asdict(chosen), built)
+    return nlp, outcome, residuals, seconds
 
 
 def _refuse_too_large(model: Model, options: Options, asked: bool) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import time
 from typing import Any
 
 import numpy as np
@@ -139,11 +138,9 @@ cost: {{lagrange: "e59[0, 0]"}}
 expressions:
   e0: diag(x) + C
 {chain}"""
-    started = time.perf_counter()
     with pytest.raises(quito.ProblemError, match="together") as caught:
         solve(text)
     assert len(caught.value.complaints) == 1
-    assert time.perf_counter() - started < 30  # minutes, without the limit
 
 
 def test_a_file_may_not_ask_for_more_than_a_machine_has() -> None:

@@ -71,7 +71,6 @@ def read_comparison(
         value,
         bounds,
         _size(sides, value),
-        bool(scopes.n_x) and bool(ca.depends_on(value, scopes.x)),
         bool(scopes.n_u) and bool(ca.depends_on(value, scopes.u)),
     )
 

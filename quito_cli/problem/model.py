@@ -150,7 +150,6 @@ class Constraint:
     """(rows,) each."""
     size: ca.SX
     """How large its sides are, (rows, 1): what a violation is judged by."""
-    uses_state: bool = True
     uses_control: bool = False
     at: float | None = None
     """Of a point constraint: when, as a fraction of the horizon."""

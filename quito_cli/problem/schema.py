@@ -170,7 +170,7 @@ class Problem(Strict):
     reference: Reference | None = None
     """What is known of the answer."""
     published: list[Published] = []
-    """Published results to print beside ours."""
+    """Published results, kept with the problem."""
     options: FileOptions = FileOptions()
     """What the file asks of the solver; the command line wins."""
 

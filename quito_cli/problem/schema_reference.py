@@ -48,7 +48,7 @@ class Reference(Strict):
 
 
 class Published(Strict):
-    """A row of a published table, printed beside ours."""
+    """A row of a published table, kept with the problem."""
 
     tool: str
     """Who computed it, with what."""
