@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 import quito_cli as quito
-from quito_cli.plots.figure import PANELS, draw, figure
+from quito_cli.plots.figure import DEFAULT, PANELS, draw, figure
 from quito_cli.problem.load import load_text
 
 Solve = Callable[..., quito.Solution]
@@ -233,7 +233,7 @@ def test_eight_states_lay_out(solve: Solve, tmp_path: Path, panels: tuple[str, .
     drawn = figure(solution, panels)
     draw(solution, panels, tmp_path / "eight.png")
     drawn.draw_without_rendering()
-    counts = {"states": 8, "controls": 2, "costates": 8, "mesh": 1}
+    counts = {"states": 8, "controls": 2, "costates": 8, "mesh": 1, "plan": 0}
     assert len(drawn.axes) == sum(counts[panel] for panel in panels)
     boxes = [axes.get_position() for axes in drawn.axes]
     for i, one in enumerate(boxes):
@@ -272,3 +272,86 @@ def test_nothing_to_draw_is_said(solve: Solve) -> None:
     assert len(figure(solution, ("states", "controls")).axes) == 1
     with pytest.raises(quito.UsageError, match="no controls"):
         figure(solution, ("controls",))
+
+
+PLANS = """
+constants: {c: [0.5, 0.25], r: 0.1}
+time: {initial: 0, final: 1}
+states:
+  x: {size: 2, initial: 0, final: [1, 1]}
+  z: {initial: 2}
+controls: {u: {size: 3}}
+parameters: {p: {lower: 3, upper: 3}}
+dynamics: {x: "[u[0], u[1]]", z: "u[2]"}
+cost: {lagrange: "dot(u, u) + p^2"}
+plots:
+  plan:
+    title: Seen from above
+    curves: {there: x, "$back$": ["1 - x[0]", "x[1]^2"]}
+    circles: [{centre: c, radius: r}, {centre: [9, 9], radius: 2*r}]
+    boxes: [{centre: [0.5, 2*r], half: 0.05}]
+  space:
+    curves: {path: ["x[0]", z + p, t]}
+    labels: [east, up, time]
+    spheres: [{centre: [1, 2, 3], radius: 0.5}]
+    boxes: [{centre: 0, half: [1, 2, 3]}]
+"""
+"""x = (t, t), z = 2, p = 3."""
+
+
+def test_a_plan_shows_what_the_file_says(solve: Solve) -> None:
+    solution = solve(PLANS, steps=8)
+    plan, space = solution.drawings
+    t = solution.dense_times
+    assert plan.curves["there"] == pytest.approx(np.column_stack([t, t]), abs=1e-7)
+    assert plan.curves["$back$"] == pytest.approx(np.column_stack([1 - t, t**2]), abs=1e-7)
+    assert space.curves["path"] == pytest.approx(np.column_stack([t, 0 * t + 5, t]), abs=1e-7)
+    assert (plan.title, plan.labels) == ("Seen from above", ("x[0]", "x[1]"))
+    assert (space.title, space.labels) == ("space", ("east", "up", "time"))
+    assert [(b.centre, b.radius) for b in plan.balls] == [((0.5, 0.25), 0.1), ((9.0, 9.0), 0.2)]
+    assert [(b.centre, b.half) for b in plan.blocks] == [((0.5, 0.2), (0.05, 0.05))]
+    assert [(b.centre, b.half) for b in space.blocks] == [((0.0, 0.0, 0.0), (1.0, 2.0, 3.0))]
+
+
+def test_a_plan_is_drawn_with_its_obstacles_and_equal_units(solve: Solve) -> None:
+    drawn = figure(solve(PLANS, steps=8), DEFAULT)
+    plan, space = drawn.axes[-2:]
+    assert plan.get_aspect() == 1.0
+    assert [type(patch).__name__ for patch in plan.patches] == ["Circle", "Circle", "Rectangle"]
+    bounds = plan.patches[2].get_bbox().extents  # type: ignore[attr-defined]
+    assert bounds == pytest.approx([0.45, 0.15, 0.55, 0.25])
+    there, start, end = plan.lines[:3]
+    assert start.get_xydata() == pytest.approx(np.zeros((1, 2)), abs=1e-7)
+    assert end.get_xydata() == pytest.approx(np.ones((1, 2)), abs=1e-7)
+    assert there.get_label() == "there"
+    low, high = plan.get_xlim()
+    assert -0.5 < low < 0.0  # a far obstacle does not push the path aside
+    assert 1.0 < high < 1.5
+    assert space.name == "3d"
+    assert space.get_ylabel() == "up"
+    drawn.draw_without_rendering()
+
+
+def test_a_plan_of_its_own(solve: Solve, tmp_path: Path) -> None:
+    solution = solve(PLANS, steps=8)
+    assert len(figure(solution, ("plan",)).axes) == 2
+    draw(solution, ("plan",), tmp_path / "plan.png")
+    with pytest.raises(quito.UsageError, match="the problem has no plan to draw"):
+        figure(solve(UNITS), ("plan",))
+
+
+@pytest.mark.parametrize(
+    ("count", "rows"), [(1, [1]), (3, [3]), (4, [2, 2]), (5, [3, 2]), (8, [3, 3, 2])]
+)
+def test_rows_of_plots_are_balanced(solve: Solve, count: int, rows: list[int]) -> None:
+    names = [f"x{i}" for i in range(count)]
+    text = f"""
+time: {{initial: 0, final: 1}}
+states: {{{", ".join(f"{name}: {{initial: 0}}" for name in names)}}}
+controls: {{u: {{}}}}
+dynamics: {{{", ".join(f"{name}: u - 1" for name in names)}}}
+cost: {{lagrange: u^2}}
+"""
+    drawn = figure(solve(text, steps=4), ("states",))
+    tops = [axes.get_subplotspec().rowspan.start for axes in drawn.axes]  # type: ignore[union-attr]
+    assert [tops.count(row) for row in range(len(rows))] == rows

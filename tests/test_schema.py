@@ -58,7 +58,15 @@ def test_it_is_a_schema_of_draft_7_and_of_its_successor(schema: dict[str, Any]) 
 def test_no_keyword_is_unknown_to_draft_7(schema: dict[str, Any]) -> None:
     known = {
         *("$ref", "$schema", "additionalProperties", "anyOf", "const", "default", "description"),
-        *("enum", "exclusiveMaximum", "exclusiveMinimum", "items", "maxItems", "maxProperties"),
+        *(
+            "enum",
+            "exclusiveMaximum",
+            "exclusiveMinimum",
+            "items",
+            "maxItems",
+            "pattern",
+            "maxProperties",
+        ),
         *("maximum", "minItems", "minProperties", "minimum", "oneOf", "properties", "required"),
         *("title", "type", "definitions", "$defs"),
     }

@@ -20,7 +20,7 @@ import xarray
 
 import quito_cli as quito
 from quito_cli.problem.load import load_text
-from quito_cli.solution import store
+from quito_cli.solution import store, writing
 
 Solve = Callable[..., quito.Solution]
 
@@ -370,7 +370,7 @@ def test_whatever_the_library_says_of_a_damaged_file_it_is_refused(
     def damaged(file: h5py.File) -> None:
         raise RuntimeError("Error iterating over attributes (ran off end of input buffer)")
 
-    monkeypatch.setattr(store, "_read", damaged)
+    monkeypatch.setattr(store, "read", damaged)
     refused(saved)
 
 
@@ -400,7 +400,7 @@ def test_a_failed_write_leaves_the_older_file_and_nothing_else(
     def fail(*_: Any) -> None:
         raise error
 
-    monkeypatch.setattr(store, "_write_statistics", fail)
+    monkeypatch.setattr(writing, "_write_statistics", fail)
     expected = quito.ResultFileError if isinstance(error, OSError) else ValueError
     with pytest.raises(expected):
         solution.save(path)
@@ -431,3 +431,26 @@ def test_a_place_that_cannot_be_written_is_told(tmp_path: Path, solve: Solve) ->
     with pytest.raises(quito.ResultFileError, match="cannot be written"):
         solve("van_der_pol", steps=20).save(tmp_path / "folder.h5")
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["file", "folder.h5"]
+
+
+def test_plots_of_the_file_come_back(solve: Solve, tmp_path: Path) -> None:
+    text = """
+time: {initial: 0, final: 1}
+states: {x: {size: 2, initial: 0}}
+controls: {u: {size: 2}}
+dynamics: {x: u}
+cost: {lagrange: "dot(u - 1, u - 1)"}
+plots:
+  second: {curves: {a: x, b: u}, circles: [{centre: [1, 2], radius: 3}]}
+  first: {title: In space, curves: {c: ["x[0]", "x[1]", t]}, boxes: [{centre: 1, half: [1, 2, 3]}]}
+"""
+    solution = solve(text, steps=6)
+    solution.save(tmp_path / "a.h5")
+    loaded = quito.Solution.load(tmp_path / "a.h5")
+    for given, found in zip(solution.drawings, loaded.drawings, strict=True):
+        assert list(found.curves) == list(given.curves)
+        for name, points in given.curves.items():
+            assert np.array_equal(found.curves[name], points)
+        assert replace(found, curves={}) == replace(given, curves={})
+    dataset = xarray.open_dataset(tmp_path / "a.h5", group="plots/plot_000", engine="h5netcdf")
+    assert dataset["coordinates"].dims == ("curve", "time", "axis")

@@ -14,6 +14,7 @@ def plot(
     controls: Annotated[bool, typer.Option("--controls", help="The controls.")] = False,
     costates: Annotated[bool, typer.Option("--costates", help="The costates.")] = False,
     mesh: Annotated[bool, typer.Option("--mesh", help="The lengths of the control cells.")] = False,
+    plan: Annotated[bool, typer.Option("--plan", help="The problem file's own plots.")] = False,
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", help="Folder for the picture. [default: the result's]"),
@@ -24,14 +25,20 @@ def plot(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
 ) -> None:
     """Draw a saved result."""
-    from quito_cli.plots.figure import draw
+    from quito_cli.plots.figure import DEFAULT, draw
     from quito_cli.solution.solution import Solution
 
-    chosen = {"states": states, "controls": controls, "costates": costates, "mesh": mesh}
+    chosen = {
+        "states": states,
+        "controls": controls,
+        "costates": costates,
+        "mesh": mesh,
+        "plan": plan,
+    }
     panels = tuple(name for name, wanted in chosen.items() if wanted)
     suffix = "".join(f"-{name}" for name in panels)
     solution = Solution.load(result)
     path = (output or result.parent) / f"{result.stem}{suffix}.{picture}"
-    draw(solution, panels or ("states", "controls"), path)
+    draw(solution, panels or DEFAULT, path)
     if not quiet:
         typer.echo(f"Saved {path}")

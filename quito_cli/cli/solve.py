@@ -141,10 +141,10 @@ def solve(
     solution.save(result)
     plotted = None
     if not no_plot:
-        from quito_cli.plots.figure import draw
+        from quito_cli.plots.figure import DEFAULT, draw
 
         plotted = output / f"{loaded.name}.{picture}"
-        draw(solution, ("states", "controls"), plotted)
+        draw(solution, DEFAULT, plotted)
     if as_json:
         typer.echo(json.dumps(as_dictionary(solution, result, plotted), ensure_ascii=False))
     elif not quiet:

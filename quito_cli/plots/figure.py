@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import math
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.errors import UsageError
-from quito_cli.solution.solution import Quantity, Solution
+from quito_cli.plots.palette import BOUND, KNOWN, OURS, plain
+from quito_cli.plots.plan import draw_plan
+from quito_cli.solution.solution import Drawing, Quantity, Solution
 from quito_cli.solution.store import write_aside
 
 if TYPE_CHECKING:
@@ -28,9 +30,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Okabe and Ito's colours: told apart by colour-blind readers too.
-_OURS, _KNOWN, _BOUND = "#0072B2", "#D55E00", "#666666"
 _COLUMNS = 3
+_CURVE_HEIGHT, _PLAN_HEIGHT = 2.2, 4.8
+"""Of a row, in inches."""
 _NEAR = 0.6
 """A bound further than this fraction of a curve's span from it is not drawn."""
 
@@ -52,17 +54,20 @@ class Curve:
     logarithmic: bool = False
 
 
+Panel = Curve | Drawing
+
+
 def _curves(
     solution: Solution,
     quantities: tuple[Quantity, ...],
     values: Array,
     known: Array | None,
     all_bounds: bool,
-) -> list[Curve]:
+) -> list[Panel]:
     times = solution.dense_times
-    curves = []
+    curves: list[Panel] = []
     for i, quantity in enumerate(quantities):
-        unit = f" [{_plain(quantity.unit)}]" if quantity.unit else ""
+        unit = f" [{plain(quantity.unit)}]" if quantity.unit else ""
         reference = None if known is None or np.isnan(known[:, i]).all() else known[:, i]
         bounds = quantity.lower, quantity.upper
         label = quantity.name + unit
@@ -70,19 +75,19 @@ def _curves(
     return curves
 
 
-def _states(solution: Solution) -> list[Curve]:
+def _states(solution: Solution) -> list[Panel]:
     known = solution.reference.states if solution.reference else None
     values = solution.state(solution.dense_times)
     return _curves(solution, solution.origin.states, values, known, False)
 
 
-def _controls(solution: Solution) -> list[Curve]:
+def _controls(solution: Solution) -> list[Panel]:
     known = solution.reference.controls if solution.reference else None
     values = solution.control(solution.dense_times)
     return _curves(solution, solution.origin.controls, values, known, True)
 
 
-def _costates(solution: Solution) -> list[Curve]:
+def _costates(solution: Solution) -> list[Panel]:
     values = solution.costate(solution.dense_times)
     return [
         Curve(f"λ of {q.name}", solution.dense_times, values[:, i], None, -np.inf, np.inf)
@@ -90,19 +95,22 @@ def _costates(solution: Solution) -> list[Curve]:
     ]
 
 
-def _mesh(solution: Solution) -> list[Curve]:
+def _mesh(solution: Solution) -> list[Panel]:
     steps = np.diff(solution.times)
     lengths = np.append(steps, steps[-1])
     no_bounds = (-np.inf, np.inf, False)
     return [Curve("length of the cells", solution.times, lengths, None, *no_bounds, True, True)]
 
 
-PANELS: dict[str, Callable[[Solution], list[Curve]]] = {
+PANELS: dict[str, Callable[[Solution], list[Panel]]] = {
     "states": _states,
     "controls": _controls,
     "costates": _costates,
     "mesh": _mesh,
+    "plan": lambda solution: list(solution.drawings),
 }
+DEFAULT = ("states", "controls", "plan")
+"""What a picture shows unless told otherwise."""
 
 
 def figure(solution: Solution, panels: Iterable[str]) -> Figure:
@@ -114,51 +122,59 @@ def figure(solution: Solution, panels: Iterable[str]) -> Figure:
     from matplotlib.figure import Figure
 
     groups = [PANELS[name](solution) for name in panels]
-    rows = [group[i : i + _COLUMNS] for group in groups for i in range(0, len(group), _COLUMNS)]
+    rows = [row for group in groups for row in _rows(group)]
     if not rows:
         raise UsageError(f"the problem has no {' or '.join(panels)} to draw")
     columns = max(len(row) for row in rows)
-    drawn = Figure(
-        figsize=(1.2 + 3.6 * max(columns, 2), 1.1 + 2.2 * len(rows)), layout="constrained"
-    )
+    heights = [_PLAN_HEIGHT if isinstance(row[0], Drawing) else _CURVE_HEIGHT for row in rows]
+    size = 1.2 + 3.6 * max(columns, 2), 1.1 + sum(heights)
+    drawn = Figure(figsize=size, layout="constrained")
     units = math.lcm(*(len(row) for row in rows))
-    grid = drawn.add_gridspec(len(rows), units)
+    grid = drawn.add_gridspec(len(rows), units, height_ratios=heights)
+    last = max((i for i, row in enumerate(rows) if isinstance(row[0], Curve)), default=-1)
     for i, row in enumerate(rows):
         width = units // len(row)
-        for j, curve in enumerate(row):
-            axes = drawn.add_subplot(grid[i, j * width : (j + 1) * width])
-            _draw(axes, curve)
-            if i == len(rows) - 1:
+        for j, panel in enumerate(row):
+            place = grid[i, j * width : (j + 1) * width]
+            if isinstance(panel, Drawing):
+                flat = len(panel.labels) == 2
+                draw_plan(drawn.add_subplot(place, projection=None if flat else "3d"), panel)
+                continue
+            axes = drawn.add_subplot(place)
+            _draw(axes, panel)
+            if i == last:
                 axes.set_xlabel("t")
     drawn.suptitle(_heading(solution))
     _legend(drawn)
     return drawn
 
 
-def _plain(text: str) -> str:
-    """Return text that matplotlib does not take for mathematics."""
-    return text.replace("$", r"\$")
+def _rows(group: Sequence[Panel]) -> list[Sequence[Panel]]:
+    """Return rows of nearly equal length: four plots stand two by two, not three and one."""
+    count = math.ceil(len(group) / _COLUMNS)
+    ends = [math.ceil(len(group) * (i + 1) / max(count, 1)) for i in range(count)]
+    return [group[start:end] for start, end in zip([0, *ends], ends, strict=False)]
 
 
 def _heading(solution: Solution) -> str:
     failed = "" if solution.success else "NOT SOLVED: "
     title = solution.origin.title or solution.origin.name
-    return f"{failed}{_plain(title)}\ncost {solution.cost:.8g}, {len(solution.times) - 1} cells"
+    return f"{failed}{plain(title)}\ncost {solution.cost:.8g}, {len(solution.times) - 1} cells"
 
 
 def _draw(axes: Axes, curve: Curve) -> None:
     style = "steps-post" if curve.steps else "default"
-    axes.plot(curve.times, curve.values, color=_OURS, linewidth=1.6, label="quito", drawstyle=style)
+    axes.plot(curve.times, curve.values, color=OURS, linewidth=1.6, label="quito", drawstyle=style)
     if curve.known is not None:
         axes.plot(
-            curve.times, curve.known, color=_KNOWN, linewidth=1.2, linestyle="--", label="reference"
+            curve.times, curve.known, color=KNOWN, linewidth=1.2, linestyle="--", label="reference"
         )
     finite = curve.values[np.isfinite(curve.values)]
     low, high = (finite.min(), finite.max()) if finite.size else (0.0, 1.0)
     reach = np.inf if curve.all_bounds else _NEAR * max(high - low, 1e-12)
     for bound in (curve.lower, curve.upper):
         if np.isfinite(bound) and low - reach <= bound <= high + reach:
-            axes.axhline(bound, color=_BOUND, linewidth=0.9, linestyle=":", label="bound")
+            axes.axhline(bound, color=BOUND, linewidth=0.9, linestyle=":", label="bound")
     if curve.logarithmic:
         axes.set_yscale("log")
         axes.set_ylim(low / 3, high * 3)
@@ -173,6 +189,8 @@ def _legend(drawn: Figure) -> None:
     """One legend for all plots, each entry once, and only where there is more than one."""
     entries: dict[str, Artist] = {}
     for axes in drawn.axes:
+        if axes.get_legend() is not None:  # a plan with names of its own
+            continue
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             entries.setdefault(str(label), handle)
     if len(entries) > 1:

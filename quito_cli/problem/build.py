@@ -17,6 +17,7 @@ from quito_cli.problem.schema import Problem
 from quito_cli.problem.scopes import Scopes
 from quito_cli.problem.text.complaints import Complaint, ProblemError, suggest
 from quito_cli.problem.values import Path, Reader
+from quito_cli.problem.views import read_views
 
 if TYPE_CHECKING:
     import casadi as ca
@@ -78,6 +79,7 @@ def try_build(problem: Problem, poisoned: Iterable[str] = ()) -> tuple[Model, li
         hints(scopes, parameter_bounds),
         sense,
         _known(scopes),
+        read_views(scopes),
     )
     return model, reader.complaints
 

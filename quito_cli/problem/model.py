@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import casadi as ca
 
+    from quito_cli.problem.shapes import View
+
 Array = NDArray[np.float64]
 GuessFunction = Callable[[Array], Array]
 """times (points,) ↦ values (points, size)."""
@@ -232,6 +234,8 @@ class Model:
     """+1 where the file minimises, −1 where it maximises."""
     known: Known | None
     """The file's reference, where it applies."""
+    views: tuple[View, ...]
+    """The plots it asks for."""
 
     @property
     def n_x(self) -> int:

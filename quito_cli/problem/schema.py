@@ -11,6 +11,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, PrivateAttr, model_validator
 
 from quito_cli.problem.options import FileOptions
+from quito_cli.problem.schema_plots import MAX_SHAPES, Plot
 from quito_cli.problem.schema_reference import Published, Reference
 from quito_cli.problem.schema_values import (
     MAX_SIZE,
@@ -26,6 +27,9 @@ from quito_cli.problem.schema_values import (
     Strict,
 )
 from quito_cli.problem.text.source import Source
+
+TagWord = Annotated[str, Field(pattern="^[a-z][a-z0-9-]{0,39}$")]
+"""A word in small letters and hyphens."""
 
 
 class Time(Strict):
@@ -145,6 +149,8 @@ class Problem(Strict):
     """Where the problem comes from."""
     description: str = ""
     """Notes: what makes it hard, what to look at."""
+    tags: Annotated[list[TagWord], Field(max_length=20)] = []
+    """Families it belongs to, such as singular, bang-bang, state-constrained or free-time."""
     constants: Annotated[dict[str, ConstantValue], Field(max_length=MAX_VARIABLES)] = {}
     """Numbers, vectors, matrices, or expressions of earlier constants, by name."""
     time: Time
@@ -167,6 +173,8 @@ class Problem(Strict):
     """What is minimised, or maximised."""
     constraints: Constraints = Constraints()
     """Comparisons that must hold: path, boundary, integral, point."""
+    plots: Annotated[dict[str, Plot], Field(max_length=MAX_SHAPES)] = {}
+    """Further plots by name: a plan view with its obstacles, a phase plane, a path in space."""
     reference: Reference | None = None
     """What is known of the answer."""
     published: list[Published] = []

@@ -75,8 +75,9 @@ class Scopes:
         self._check_names()
         self._read_tables()
         self._read_constants()
-        refused = self._not_constant()
+        refused = self._not_constant("bounds, times and end values are")
         self.constant = Scope(self.constants, refused)
+        self.shape = Scope(self.constants, self._not_constant("obstacles are made of"))
         self.bound = Scope(self.constants, {n: why + _MOVING for n, why in refused.items()})
         self.along, self.mayer, self.boundary = self._scopes()
 
@@ -133,13 +134,15 @@ class Scopes:
             ("parameter", self.parameters),
         )
 
-    def _not_constant(self) -> dict[str, str]:
-        """Why names are refused in bounds; what to write instead."""
-        refused = {"t": _no_bound_by("the time t")}
+    def _not_constant(self, what: str) -> dict[str, str]:
+        """Why names are refused where `what` numbers and constants."""
+        varying = {"t": "the time t"}
         for kind, names in self._kinds():
-            refused |= {v.name: _no_bound_by(f"the {kind} '{v.name}'") for v in names}
-        return refused | {
-            name: _no_bound_by(f"the expression '{name}'") for name in self.problem.expressions
+            varying |= {v.name: f"the {kind} '{v.name}'" for v in names}
+        varying |= {name: f"the expression '{name}'" for name in self.problem.expressions}
+        return {
+            name: f"{called} is not a constant: {what} numbers and constants"
+            for name, called in varying.items()
         }
 
     def _scopes(self) -> tuple[Scope, Scope, Scope]:
@@ -207,7 +210,3 @@ def _depends(value: ca.SX, on: ca.SX) -> bool:
     import casadi as ca
 
     return bool(on.numel()) and bool(ca.depends_on(value, on))
-
-
-def _no_bound_by(what: str) -> str:
-    return f"{what} is not a constant: bounds, times and end values are numbers and constants"

@@ -25,7 +25,7 @@ _NAMING = ("constants", "states", "controls", "parameters", "tables", "expressio
 """Sections whose keys are names in formulas."""
 _VARIABLES = ("states", "controls", "parameters")
 """Sections whose entries are mappings, in which a wrong key can be left out."""
-_ASIDE = ("reference", "published", "options")
+_ASIDE = ("tags", "plots", "reference", "published", "options")
 """Sections that the other ones do not speak of."""
 
 _ALTERNATIVES = {
@@ -243,6 +243,8 @@ def expected(detail: ErrorDetails, path: Path = ()) -> str:
             wanted = "a comparison with a name of its own, such as limit: x <= 1"
         case "string_type" if isinstance(value, bool | int | float):
             return f"expected text, got {_shown(value)}: quote it"
+        case "string_pattern_mismatch":
+            wanted = "small letters, digits and hyphens, such as bang-bang"
         case _:
             wanted = _plain(detail)
     return f"expected {wanted}, got {_shown(value)}"
@@ -268,6 +270,8 @@ def _alternatives(path: Path) -> str:
             if inner
             else "a number, an expression, or {lower:, upper:, guess:} where it is free"
         )
+    if path[2:3] == ("curves",) and path[:1] == ("plots",):
+        return "two or three expressions in a list, or one that is a vector"
     if path[:1] in (("states",), ("controls",)) and "guess" in path[2:3]:
         return "a number" if "values" in path[3:] else _GUESS
     keys = [step for step in reversed(path) if step in _ALTERNATIVES]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,11 @@ from numpy.typing import NDArray
 
 from quito_cli.problem.model import Bounds, Known, Model, Variable, labels, units
 from quito_cli.problem.schema import Problem
+from quito_cli.problem.shapes import View
 from quito_cli.solution.evidence import Answer, evidence
 from quito_cli.solution.resimulation import Control
 from quito_cli.solution.solution import (
+    Drawing,
     MultiplierAxes,
     Origin,
     Quantity,
@@ -53,7 +56,7 @@ def extract(
     model, method = nlp.transcription.model, nlp.transcription.method
     (start, end), cells = answer.times, method.mesh.cells
     dense = np.linspace(start, end, max(SAVED_POINTS, 4 * cells + 1))
-    return Solution(
+    solution = Solution(
         _origin(problem, model),
         dict(options),
         outcome.status,
@@ -80,6 +83,7 @@ def extract(
         dense,
         _reference(model, dense),
     )
+    return replace(solution, drawings=_drawings(model, solution))
 
 
 def _answer(nlp: Nlp, outcome: Outcome) -> Answer:
@@ -160,6 +164,21 @@ def _origin(problem: Problem, model: Model) -> Origin:
 def _quantities(variables: tuple[Variable, ...], bounds: Bounds) -> tuple[Quantity, ...]:
     rows = zip(labels(variables), units(variables), *bounds, strict=True)
     return tuple(Quantity(name, unit, float(low), float(high)) for name, unit, low, high in rows)
+
+
+def _drawings(model: Model, solution: Solution) -> tuple[Drawing, ...]:
+    """Return the plots the file asks for, sampled on the dense grid."""
+    times = solution.dense_times
+    parameters = np.tile(solution.parameters[:, None], (1, len(times)))
+    at = solution.state(times).T, solution.control(times).T, parameters, times
+
+    def sampled(view: View) -> dict[str, Array]:
+        return {name: np.array(f.map(len(times))(*at)).T for name, f in view.curves.items()}
+
+    return tuple(
+        Drawing(view.name, view.title, view.labels, sampled(view), view.balls, view.blocks)
+        for view in model.views
+    )
 
 
 def _reference(model: Model, times: Array) -> ReferenceSamples | None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from quito_cli.problem.shapes import Ball, Block
 from quito_cli.solution.trajectory import Trajectory
 from quito_cli.solution.violations import Violation
 from quito_cli.solvers.outcome import Status
@@ -58,6 +59,20 @@ class ReferenceSamples:
     """(points, n_x); NaN where unknown."""
     controls: Array
     """(points, n_u); NaN where unknown."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A plot of the file's own, sampled where the solution's dense grid is."""
+
+    name: str
+    title: str
+    labels: tuple[str, ...]
+    """Of its two or three axes."""
+    curves: Mapping[str, Array]
+    """By name for the legend, (points, axes)."""
+    balls: tuple[Ball, ...]
+    blocks: tuple[Block, ...]
 
 
 @dataclass(frozen=True)
@@ -153,6 +168,8 @@ class Solution:
     """A fine uniform grid from the initial to the final time."""
     reference: ReferenceSamples | None
     """None where the file has none that applies."""
+    drawings: tuple[Drawing, ...] = ()
+    """The plots the file asks for."""
 
     def __post_init__(self) -> None:
         for value in (*vars(self).values(), *vars(self.trajectory).values()):

@@ -1,0 +1,173 @@
+"""Open HDF5 file -> Solution; `store` has the layout."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quito_cli.problem.shapes import Ball, Block
+from quito_cli.solution.solution import (
+    Drawing,
+    Evidence,
+    MultiplierAxes,
+    Origin,
+    Quantity,
+    ReferenceSamples,
+    Solution,
+    Statistics,
+)
+from quito_cli.solution.trajectory import Trajectory
+from quito_cli.solution.violations import Violation
+from quito_cli.solution.writing import BY_CONTROL, SENTENCES
+from quito_cli.solvers.outcome import Status
+from quito_cli.transcription.control import ControlBasis
+from quito_cli.transcription.generating import GENERATING_FUNCTIONS
+
+if TYPE_CHECKING:
+    import h5py
+
+Array = NDArray[np.float64]
+
+
+def read(file: h5py.File) -> Solution:
+    """Return the Solution of a result file.
+
+    Raises one of `store.DAMAGED` where the file's layout is not what it should be.
+    """
+    control, statistics = file["control"], dict(file["statistics"].attrs)
+    basis = ControlBasis(
+        GENERATING_FUNCTIONS[control.attrs["generating_function"]],
+        len(control["mesh"]) - 1,
+        float(control.attrs["variance"]),
+        bool(control.attrs["normalised"]),
+    )
+    interpolation = file["interpolation"]
+    kind = interpolation.attrs["kind"]
+    return Solution(
+        _read_origin(file["problem"]),
+        json.loads(file["problem"].attrs["options"]),
+        Status[statistics["status"]],
+        float(statistics["cost"]),
+        control["mesh"][:],
+        Trajectory(
+            interpolation["time"][:],
+            interpolation["state"][:],
+            interpolation["start_slope"][:],
+            interpolation["end_slope"][:],
+            "cubic" if kind == "cubic" else "linear",
+        ),
+        basis,
+        control["coefficients"][:],
+        control["parameters"][:],
+        file["trajectory/costate"][:],
+        *_read_multipliers(file["multipliers"]),
+        _read_evidence(file["statistics"], statistics),
+        _read_statistics(statistics),
+        {name: d[:] for name, d in file["iterations"].items() if name != "iteration"},
+        file["dense/time"][:],
+        _read_reference(file["dense"]),
+        tuple(_read_drawing(group) for group in file.get("plots", {}).values()),
+    )
+
+
+def _read_multipliers(
+    group: h5py.Group,
+) -> tuple[dict[str, Array], dict[str, MultiplierAxes]]:
+    blocks = {d.attrs["block"]: (key, d) for key, d in group.items() if "block" in d.attrs}
+    axes = {
+        name: MultiplierAxes(
+            group[f"{key}_time"][:], tuple(str(t) for t in group[f"{key}_row"].asstr())
+        )
+        for name, (key, _) in blocks.items()
+    }
+    return {name: d[:] for name, (_, d) in blocks.items()}, axes
+
+
+def _read_origin(group: h5py.Group) -> Origin:
+    def quantities(kind: str) -> tuple[Quantity, ...]:
+        names, units = group[kind].asstr()[:], group[f"{kind}_unit"].asstr()[:]
+        rows = zip(names, units, group[f"{kind}_lower"], group[f"{kind}_upper"], strict=True)
+        return tuple(Quantity(str(n), str(u), float(low), float(up)) for n, u, low, up in rows)
+
+    attributes = group.attrs
+    return Origin(
+        str(attributes["name"]),
+        str(attributes["title"]),
+        group["yaml"].asstr()[()],
+        tuple((key, value) for key, value in json.loads(attributes["changes"])),
+        quantities("state"),
+        quantities("control"),
+        quantities("parameter"),
+        bool(attributes["free_times"]),
+        bool(attributes["maximize"]),
+    )
+
+
+def _read_evidence(group: h5py.Group, attributes: Mapping[str, Any]) -> Evidence:
+    rows = zip(
+        group["constraint"].asstr()[:],
+        *(group[f"violation_{name}"][:] for name in ("time", "amount", "scale")),
+        strict=True,
+    )
+    values: dict[str, Any] = {
+        "violations": tuple(Violation(str(c), float(t), float(a), float(s)) for c, t, a, s in rows)
+    }
+    values |= {name: tuple(float(v) for v in group[name]) for name in BY_CONTROL}
+    values |= {name: tuple(json.loads(attributes[name])) for name in SENTENCES}
+    for field in fields(Evidence):
+        if field.name not in values:
+            values[field.name] = float(attributes[field.name])
+    return Evidence(**values)
+
+
+def _read_statistics(attributes: Mapping[str, Any]) -> Statistics:
+    iterations = int(attributes["iterations"])
+    return Statistics(
+        None if iterations < 0 else iterations,
+        float(attributes["build_seconds"]),
+        float(attributes["solve_seconds"]),
+        int(attributes["unknowns"]),
+        int(attributes["constraints"]),
+        str(attributes["solver"]),
+        str(attributes["solver_said"]),
+    )
+
+
+def _read_reference(group: h5py.Group) -> ReferenceSamples | None:
+    if "reference_state" not in group:
+        return None
+
+    def number(name: str) -> float | None:
+        value = float(group.attrs[f"reference_{name}"])
+        return None if np.isnan(value) else value
+
+    return ReferenceSamples(
+        number("cost"),
+        number("accuracy"),
+        tuple(float(t) for t in group["switching_time"]),
+        group["reference_state"][:],
+        group["reference_control"][:],
+    )
+
+
+def _read_drawing(group: h5py.Group) -> Drawing:
+    def rows(kind: str) -> list[tuple[float, ...]]:
+        return [tuple(float(number) for number in row) for row in group[kind][:]]
+
+    curves = group["curve"].asstr()[:]
+    return Drawing(
+        str(group.attrs["name"]),
+        str(group.attrs["title"]),
+        tuple(str(label) for label in group["axis"].asstr()),
+        {str(curve): group["coordinates"][i] for i, curve in enumerate(curves)},
+        tuple(
+            Ball(centre, float(radius))
+            for centre, radius in zip(rows("ball_centre"), group["ball_radius"][:], strict=True)
+        ),
+        tuple(Block(*pair) for pair in zip(rows("box_centre"), rows("box_half"), strict=True)),
+    )

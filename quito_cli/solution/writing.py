@@ -1,0 +1,206 @@
+"""Solution -> open HDF5 file; `store` has the layout."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+from dataclasses import asdict, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quito_cli.solution.solution import Drawing, Evidence, Solution
+
+if TYPE_CHECKING:
+    import h5py
+
+Array = NDArray[np.float64]
+
+FORMAT = "quito result"
+FORMAT_VERSION = 1
+BY_CONTROL = ("total_variation", "ringing")
+"""Figures of the evidence that are arrays along the controls."""
+SENTENCES = ("warnings", "diagnosis")
+"""Those that are lists of sentences."""
+
+
+class _Group:
+    """A group being written: datasets with named axes."""
+
+    def __init__(self, parent: h5py.Group, name: str) -> None:
+        self.group = parent.create_group(name)
+
+    def axis(self, name: str, values: Any) -> None:
+        """Write a dimension scale."""
+        scale = self.dataset(name, values)
+        scale.make_scale(name)
+
+    def data(self, name: str, values: Any, *axes: str) -> None:
+        """Write an array along axes written before."""
+        dataset = self.dataset(name, values)
+        for i, axis in enumerate(axes):
+            dataset.dims[i].attach_scale(self.group[axis])
+
+    def dataset(self, name: str, values: Any) -> Any:
+        """Write numbers or a list of texts."""
+        import h5py
+
+        array = np.asarray(values)
+        if array.dtype.kind == "U" or (array.size == 0 and array.dtype == object):
+            return self.group.create_dataset(
+                name, data=array.astype(object), dtype=h5py.string_dtype()
+            )
+        return self.group.create_dataset(name, data=array)
+
+
+def write(file: h5py.File, solution: Solution) -> None:
+    """Write all groups of a result file."""
+    import casadi
+    import h5py
+
+    import quito_cli
+
+    file.attrs["format"] = FORMAT
+    file.attrs["format_version"] = FORMAT_VERSION
+    versions = {"quito": quito_cli.__version__, "casadi": casadi.CasadiMeta.version()}
+    versions |= {"numpy": np.__version__, "h5py": h5py.__version__}
+    versions |= {"python": platform.python_version()}
+    for name, version in versions.items():
+        file.attrs[f"{name}_version"] = version
+    _write_problem(_Group(file, "problem"), solution)
+    _write_trajectory(_Group(file, "trajectory"), solution)
+    _write_interpolation(_Group(file, "interpolation"), solution)
+    _write_dense(_Group(file, "dense"), solution)
+    _write_control(_Group(file, "control"), solution)
+    multipliers = _Group(file, "multipliers")
+    for name, values in sorted(solution.multipliers.items()):
+        key = name.replace(" ", "_")
+        axes = solution.multiplier_axes[name]
+        multipliers.axis(f"{key}_time", axes.times)
+        multipliers.axis(f"{key}_row", _texts(axes.labels))
+        multipliers.data(key, values, f"{key}_time", f"{key}_row")
+        multipliers.group[key].attrs["block"] = name
+    iterations = _Group(file, "iterations")
+    length = max((len(values) for values in solution.history.values()), default=0)
+    iterations.axis("iteration", np.arange(length))
+    for name, values in sorted(solution.history.items()):
+        iterations.data(name, values, "iteration")
+    _write_statistics(_Group(file, "statistics"), solution)
+    for i, drawing in enumerate(solution.drawings):
+        _write_drawing(_Group(file, f"plots/plot_{i:03}"), drawing, solution.dense_times)
+
+
+def _write_problem(into: _Group, solution: Solution) -> None:
+    origin = solution.origin
+    into.dataset("yaml", origin.text)
+    attributes = into.group.attrs
+    attributes["name"], attributes["title"] = origin.name, origin.title
+    attributes["sha256"] = hashlib.sha256(origin.text.encode()).hexdigest()
+    attributes["changes"] = json.dumps(origin.changes)
+    attributes["options"] = json.dumps(dict(solution.options))
+    attributes["free_times"], attributes["maximize"] = origin.free_times, origin.maximize
+    kinds = {"state": origin.states, "control": origin.controls, "parameter": origin.parameters}
+    for kind, quantities in kinds.items():
+        into.axis(kind, _texts(q.name for q in quantities))
+        into.data(f"{kind}_unit", _texts(q.unit for q in quantities), kind)
+        into.data(f"{kind}_lower", np.array([q.lower for q in quantities]), kind)
+        into.data(f"{kind}_upper", np.array([q.upper for q in quantities]), kind)
+
+
+def _texts(values: Any) -> NDArray[np.object_]:
+    return np.array(list(values), dtype=object)
+
+
+def _axes(into: _Group, solution: Solution, times: Array) -> None:
+    into.axis("time", times)
+    into.axis("state_name", _texts(q.name for q in solution.origin.states))
+    into.axis("control_name", _texts(q.name for q in solution.origin.controls))
+
+
+def _write_trajectory(into: _Group, solution: Solution) -> None:
+    _axes(into, solution, solution.times)
+    nodes = solution.trajectory(solution.times)
+    into.data("state", nodes, "time", "state_name")
+    into.data("control", solution.control(solution.times), "time", "control_name")
+    into.data("costate", solution.costates, "time", "state_name")
+
+
+def _write_interpolation(into: _Group, solution: Solution) -> None:
+    trajectory = solution.trajectory
+    into.group.attrs["kind"] = trajectory.interpolation
+    into.axis("time", trajectory.times)
+    into.axis("step", np.arange(len(trajectory.times) - 1))
+    into.axis("state_name", _texts(q.name for q in solution.origin.states))
+    into.data("state", trajectory.states, "time", "state_name")
+    into.data("start_slope", trajectory.start_slopes, "step", "state_name")
+    into.data("end_slope", trajectory.end_slopes, "step", "state_name")
+
+
+def _write_dense(into: _Group, solution: Solution) -> None:
+    times = solution.dense_times
+    _axes(into, solution, times)
+    into.data("state", solution.state(times), "time", "state_name")
+    into.data("control", solution.control(times), "time", "control_name")
+    into.data("costate", solution.costate(times), "time", "state_name")
+    if (reference := solution.reference) is not None:
+        into.data("reference_state", reference.states, "time", "state_name")
+        into.data("reference_control", reference.controls, "time", "control_name")
+        into.axis("switching_time", np.array(reference.switching_times, dtype=float))
+        for name in ("cost", "accuracy"):
+            value = getattr(reference, name)
+            into.group.attrs[f"reference_{name}"] = np.nan if value is None else value
+
+
+def _write_control(into: _Group, solution: Solution) -> None:
+    basis = solution.basis
+    into.axis("index", basis.centres)
+    into.axis("node", np.arange(len(solution.times)))
+    into.axis("control_name", _texts(q.name for q in solution.origin.controls))
+    into.data("coefficients", solution.coefficients, "index", "control_name")
+    into.data("mesh", solution.times, "node")
+    into.axis("parameter_name", _texts(q.name for q in solution.origin.parameters))
+    into.data("parameters", solution.parameters, "parameter_name")
+    into.group.attrs["generating_function"] = basis.function.name
+    into.group.attrs["variance"] = basis.variance
+    into.group.attrs["normalised"] = basis.normalised
+
+
+def _write_statistics(into: _Group, solution: Solution) -> None:
+    evidence = solution.evidence
+    attributes = into.group.attrs
+    attributes["status"], attributes["success"] = solution.status.name, solution.success
+    attributes["status_sentence"] = solution.status.value
+    attributes["cost"] = solution.cost
+    attributes["maximum_violation"] = evidence.maximum_violation
+    numbers = {f.name: getattr(evidence, f.name) for f in fields(Evidence)} | asdict(
+        solution.statistics
+    )
+    into.axis("control_name", _texts(q.name for q in solution.origin.controls))
+    for name in BY_CONTROL:
+        into.data(name, np.array(numbers.pop(name), dtype=float), "control_name")
+    for name in SENTENCES:
+        attributes[name] = json.dumps(numbers.pop(name), ensure_ascii=False)
+    found = numbers.pop("violations")
+    into.axis("constraint", _texts(v.constraint for v in found))
+    for name in ("time", "amount", "scale"):
+        values = np.array([getattr(v, name) for v in found], dtype=float)
+        into.data(f"violation_{name}", values, "constraint")
+    for name, value in numbers.items():
+        attributes[name] = -1 if value is None else value
+
+
+def _write_drawing(into: _Group, drawing: Drawing, times: Array) -> None:
+    into.group.attrs["name"], into.group.attrs["title"] = drawing.name, drawing.title
+    into.axis("curve", _texts(drawing.curves))
+    into.axis("time", times)
+    into.axis("axis", _texts(drawing.labels))
+    into.data("coordinates", np.array(list(drawing.curves.values())), "curve", "time", "axis")
+    axes, balls, boxes = len(drawing.labels), drawing.balls, drawing.blocks
+    into.axis("ball", np.arange(len(balls)))
+    into.data("ball_centre", np.array([b.centre for b in balls]).reshape(-1, axes), "ball", "axis")
+    into.data("ball_radius", np.array([b.radius for b in balls]), "ball")
+    into.axis("box", np.arange(len(boxes)))
+    into.data("box_centre", np.array([b.centre for b in boxes]).reshape(-1, axes), "box", "axis")
+    into.data("box_half", np.array([b.half for b in boxes]).reshape(-1, axes), "box", "axis")
