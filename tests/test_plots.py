@@ -27,7 +27,7 @@ states:
   x: {initial: 0, final: 1, lower: -0.25, upper: 100, unit: m}
   v: {size: 2, initial: 0, unit: m/s}
 controls:
-  u: {lower: -3, upper: 50, unit: m/s²}
+  u: {lower: -1.5, upper: 50, unit: m/s²}
   w: {}
 dynamics:
   x: u
@@ -114,11 +114,11 @@ def test_curves_are_those_of_the_solution(units: quito.Solution) -> None:
     np.testing.assert_allclose(np.asarray(curve.get_ydata()), 1, atol=1e-3)
 
 
-def test_bounds_of_controls_are_drawn_all_and_of_states_where_they_are_near(
+def test_bounds_are_drawn_where_they_are_near_and_of_controls_farther(
     units: quito.Solution,
 ) -> None:
     drawn = by_label(figure(units, ("states", "controls")))
-    assert heights(drawn["u [m/s²]"]) == [-3, 50]
+    assert heights(drawn["u [m/s²]"]) == [-1.5]
     assert heights(drawn["x [m]"]) == [-0.25]
     assert heights(drawn["w"]) == heights(drawn["v[0] [m/s]"]) == []
 
@@ -355,3 +355,22 @@ cost: {{lagrange: u^2}}
     drawn = figure(solve(text, steps=4), ("states",))
     tops = [axes.get_subplotspec().rowspan.start for axes in drawn.axes]  # type: ignore[union-attr]
     assert [tops.count(row) for row in range(len(rows))] == rows
+
+
+def test_many_entries_share_plots_by_vector(solve: Solve) -> None:
+    text = """
+time: {initial: 0, final: 1}
+states:
+  x: {size: 12, initial: 0, unit: m}
+  y: {initial: 0}
+controls: {u: {lower: -1, upper: 1}}
+dynamics: {x: "[u, 2*u, 0, 0, 0, 0, 0, 0, 0, 0, 0, t]", y: u}
+cost: {lagrange: (u - t)^2}
+"""
+    drawn = by_label(figure(solve(text, steps=6), ("states", "controls")))
+    assert sorted(drawn) == ["u", "x [m]", "y"]
+    legend = drawn["x [m]"].get_legend()
+    assert legend is not None
+    assert [entry.get_text() for entry in legend.get_texts()] == [f"x[{i}]" for i in range(12)]
+    costates = by_label(figure(solve(text, steps=6), ("costates",)))
+    assert sorted(costates) == ["λ of x", "λ of y"]

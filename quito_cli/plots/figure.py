@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.errors import UsageError
-from quito_cli.plots.palette import BOUND, KNOWN, OURS, plain
+from quito_cli.plots.palette import BOUND, COLOURS, KNOWN, OURS, plain
 from quito_cli.plots.plan import draw_plan
 from quito_cli.solution.solution import Drawing, Quantity, Solution
 from quito_cli.solution.store import write_aside
@@ -33,23 +33,33 @@ Array = NDArray[np.float64]
 _COLUMNS = 3
 _CURVE_HEIGHT, _PLAN_HEIGHT = 2.2, 4.8
 """Of a row, in inches."""
-_NEAR = 0.6
-"""A bound further than this fraction of a curve's span from it is not drawn."""
+_NEAR, _FAR = 0.6, 3.0
+"""Bounds further than this many spans of a state, or sizes of a control, are not drawn."""
+_MANY = 12
+"""More entries than this, and those of one vector share a plot."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A quantity over time."""
+
+    name: str
+    values: Array
+    known: Array | None = None
+    """The reference at the same times; NaN where unknown."""
+    lower: float = -np.inf
+    upper: float = np.inf
 
 
 @dataclass(frozen=True)
 class Curve:
-    """One small plot."""
+    """One small plot: a line, or those of a vector."""
 
     label: str
     times: Array
-    values: Array
-    known: Array | None
-    """The reference at the same times; NaN where unknown."""
-    lower: float
-    upper: float
-    all_bounds: bool = False
-    """Draw the bounds however far they are."""
+    lines: tuple[Line, ...]
+    far_bounds: bool = False
+    """Draw bounds that are not near too."""
     steps: bool = False
     logarithmic: bool = False
 
@@ -62,16 +72,23 @@ def _curves(
     quantities: tuple[Quantity, ...],
     values: Array,
     known: Array | None,
-    all_bounds: bool,
+    far_bounds: bool,
 ) -> list[Panel]:
-    times = solution.dense_times
-    curves: list[Panel] = []
+    """Return a plot for each entry, or where there are many, for each vector."""
+    groups: dict[str, list[int]] = {}
     for i, quantity in enumerate(quantities):
-        unit = f" [{plain(quantity.unit)}]" if quantity.unit else ""
-        reference = None if known is None or np.isnan(known[:, i]).all() else known[:, i]
-        bounds = quantity.lower, quantity.upper
-        label = quantity.name + unit
-        curves.append(Curve(label, times, values[:, i], reference, *bounds, all_bounds))
+        vector = quantity.name.partition("[")[0]
+        groups.setdefault(vector if len(quantities) > _MANY else quantity.name, []).append(i)
+    curves: list[Panel] = []
+    for name, members in groups.items():
+        lines = []
+        for i in members:
+            reference = None if known is None or np.isnan(known[:, i]).all() else known[:, i]
+            q = quantities[i]
+            lines.append(Line(q.name, values[:, i], reference, q.lower, q.upper))
+        unit = quantities[members[0]].unit
+        label = name + (f" [{plain(unit)}]" if unit else "")
+        curves.append(Curve(label, solution.dense_times, tuple(lines), far_bounds))
     return curves
 
 
@@ -88,18 +105,16 @@ def _controls(solution: Solution) -> list[Panel]:
 
 
 def _costates(solution: Solution) -> list[Panel]:
-    values = solution.costate(solution.dense_times)
-    return [
-        Curve(f"λ of {q.name}", solution.dense_times, values[:, i], None, -np.inf, np.inf)
-        for i, q in enumerate(solution.origin.states)
-    ]
+    duals = tuple(
+        Quantity(f"λ of {state.name}", "", -np.inf, np.inf) for state in solution.origin.states
+    )
+    return _curves(solution, duals, solution.costate(solution.dense_times), None, False)
 
 
 def _mesh(solution: Solution) -> list[Panel]:
     steps = np.diff(solution.times)
-    lengths = np.append(steps, steps[-1])
-    no_bounds = (-np.inf, np.inf, False)
-    return [Curve("length of the cells", solution.times, lengths, None, *no_bounds, True, True)]
+    lengths = Line("length of the cells", np.append(steps, steps[-1]))
+    return [Curve(lengths.name, solution.times, (lengths,), steps=True, logarithmic=True)]
 
 
 PANELS: dict[str, Callable[[Solution], list[Panel]]] = {
@@ -163,17 +178,17 @@ def _heading(solution: Solution) -> str:
 
 
 def _draw(axes: Axes, curve: Curve) -> None:
+    several = len(curve.lines) > 1
     style = "steps-post" if curve.steps else "default"
-    axes.plot(curve.times, curve.values, color=OURS, linewidth=1.6, label="quito", drawstyle=style)
-    if curve.known is not None:
-        axes.plot(
-            curve.times, curve.known, color=KNOWN, linewidth=1.2, linestyle="--", label="reference"
-        )
-    finite = curve.values[np.isfinite(curve.values)]
-    low, high = (finite.min(), finite.max()) if finite.size else (0.0, 1.0)
-    reach = np.inf if curve.all_bounds else _NEAR * max(high - low, 1e-12)
-    for bound in (curve.lower, curve.upper):
-        if np.isfinite(bound) and low - reach <= bound <= high + reach:
+    drawn: list[Artist] = []
+    for i, line in enumerate(curve.lines):
+        colour, name = (COLOURS[i % len(COLOURS)], plain(line.name)) if several else (OURS, "quito")
+        drawn += axes.plot(curve.times, line.values, color=colour, label=name, drawstyle=style)
+        if line.known is not None:
+            axes.plot(curve.times, line.known, "--", color=KNOWN, linewidth=1.2, label="reference")
+    low, high = _range(curve)
+    for bound in sorted({b for line in curve.lines for b in (line.lower, line.upper)}):
+        if low - _reach(curve, low, high) <= bound <= high + _reach(curve, low, high):
             axes.axhline(bound, color=BOUND, linewidth=0.9, linestyle=":", label="bound")
     if curve.logarithmic:
         axes.set_yscale("log")
@@ -183,6 +198,22 @@ def _draw(axes: Axes, curve: Curve) -> None:
     axes.set_ylabel(curve.label)
     axes.grid(alpha=0.25)
     axes.margins(x=0.01)
+    if several:
+        axes.legend(handles=drawn, frameon=False, fontsize="small")
+
+
+def _range(curve: Curve) -> tuple[float, float]:
+    """Return the least and the largest value drawn."""
+    values = np.concatenate([line.values for line in curve.lines])
+    finite = values[np.isfinite(values)]
+    return (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
+
+
+def _reach(curve: Curve, low: float, high: float) -> float:
+    """Return how far from the values a bound may be to be drawn."""
+    if curve.far_bounds:
+        return _FAR * max(high - low, abs(low), abs(high)) or 1e300
+    return _NEAR * max(high - low, 1e-12)
 
 
 def _legend(drawn: Figure) -> None:

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
+LARGE = 10_000
+"""Operations of a local function from which on common subexpressions are left alone."""
 NOWHERE = -1
 """The row of an output that is no constraint."""
 
@@ -137,10 +139,23 @@ class LocalDerivatives:
         nu = ca.SX.sym("nu", y.numel())
         hessian, gradient = ca.hessian(ca.dot(nu, y), z)
         return cls(
-            ca.Function("jacobian", [z, theta], [ca.cse(ca.jacobian(y, z))]),
-            ca.Function("gradient", [z, theta, nu], [ca.cse(gradient)]),
-            ca.Function("hessian", [z, theta, nu], [ca.cse(hessian)]),
+            _function("jacobian", [z, theta], ca.jacobian(y, z)),
+            _function("gradient", [z, theta, nu], gradient),
+            _function("hessian", [z, theta, nu], hessian),
         )
+
+
+def _function(name: str, inputs: list[ca.SX], output: ca.SX) -> ca.Function:
+    """Return a function, without common subexpressions where it pays to look for them.
+
+    That halves some small functions; in large ones it saves 3 % and takes most of the build.
+    """
+    import casadi as ca
+
+    plain = ca.Function(name, inputs, [output])
+    if plain.n_instructions() > LARGE:
+        return plain
+    return ca.Function(name, inputs, [ca.cse(output)])
 
 
 def _block_diagonal(stacked: ca.MX, block: ca.Sparsity, count: int) -> ca.MX:
