@@ -27,7 +27,7 @@ states:
   x: {initial: 0, final: 1, lower: -0.25, upper: 100, unit: m}
   v: {size: 2, initial: 0, unit: m/s}
 controls:
-  u: {lower: -1.5, upper: 50, unit: m/s²}
+  u: {lower: -0.5, upper: 50, unit: m/s²}
   w: {}
 dynamics:
   x: u
@@ -118,7 +118,7 @@ def test_bounds_are_drawn_where_they_are_near_and_of_controls_farther(
     units: quito.Solution,
 ) -> None:
     drawn = by_label(figure(units, ("states", "controls")))
-    assert heights(drawn["u [m/s²]"]) == [-1.5]
+    assert heights(drawn["u [m/s²]"]) == [-0.5]
     assert heights(drawn["x [m]"]) == [-0.25]
     assert heights(drawn["w"]) == heights(drawn["v[0] [m/s]"]) == []
 

@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 _COLUMNS = 3
 _CURVE_HEIGHT, _PLAN_HEIGHT = 2.2, 4.8
 """Of a row, in inches."""
-_NEAR, _FAR = 0.6, 3.0
+_NEAR, _FAR = 0.6, 2.0
 """Bounds further than this many spans of a state, or sizes of a control, are not drawn."""
 _MANY = 12
 """More entries than this, and those of one vector share a plot."""
