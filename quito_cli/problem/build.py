@@ -78,7 +78,7 @@ def try_build(problem: Problem, poisoned: Iterable[str] = ()) -> tuple[Model, li
         _constraints(scopes, start, end),
         hints(scopes, parameter_bounds),
         sense,
-        _known(scopes),
+        _known(scopes, start, end),
         read_views(scopes),
     )
     return model, reader.complaints
@@ -192,13 +192,25 @@ def _points(scopes: Scopes, start: Instant, end: Instant) -> tuple[Constraint, .
     return tuple(found)
 
 
-def _known(scopes: Scopes) -> Known | None:
-    reference, problem = scopes.problem.reference, scopes.problem
-    if reference is None or (problem.changes and not reference.general):
+def _known(scopes: Scopes, start: Instant, end: Instant) -> Known | None:
+    reference, changes = scopes.problem.reference, _of_the_answer(scopes.problem.changes)
+    # A general reference is one for other constants: what else was changed, it cannot know.
+    constants_only = all(name.split(".")[0] in ("constants", *scopes.constants) for name in changes)
+    if reference is None or (changes and not (reference.general and constants_only)):
         return None
-    # A general reference may still not reach as far as a changed value: then there is none.
-    reader = Reader() if problem.changes else scopes.reader
+    # Even so it may not reach as far as a changed value: then there is none.
+    reader = Reader() if changes else scopes.reader
     known = read_reference(
         reader, reference, scopes.constants, scopes.t, scopes.states, scopes.controls
     )
-    return None if problem.changes and reader.complaints else known
+    for i, time in enumerate(known.switching_times):
+        if start.fixed and end.fixed and not start.lower <= time <= end.lower:
+            message = f"{time:g} is outside the horizon [{start.lower:g}, {end.lower:g}]"
+            reader.complain(("reference", "switching_times", i), message)
+    return None if changes and reader.complaints else known
+
+
+def _of_the_answer(changes: tuple[tuple[str, str], ...]) -> list[str]:
+    """Return the names of changes that concern the answer, not the way to it."""
+    aside = ("guess", "scale", "unit", "description")
+    return [name for name, _ in changes if name.count(".") < 2 or name.split(".")[2] not in aside]
