@@ -37,7 +37,7 @@ from quito_cli.solvers.outcome import Status
 ROOT = Path(__file__).parent.parent
 ACCEPTED = ROOT / "tests" / "problems" / "accepted"
 BUNDLED = sorted(path.stem for path in (ROOT / "problems").glob("*.yaml"))
-COMMANDS = ("solve", "check", "list", "show", "plot", "schema")
+COMMANDS = ("solve", "check", "list", "show", "new", "plot", "schema")
 MAGIC = {"png": b"\x89PNG\r\n\x1a\n", "pdf": b"%PDF-", "svg": b"<?xml"}
 HEAVY = ("casadi", "h5py", "matplotlib", "numpy", "pydantic", "yaml")
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
@@ -436,7 +436,8 @@ def test_list(quito_: Quito) -> None:
     ran = quito_("list")
     assert (ran.code, ran.err) == (0, "")
     head, *rows = ran.out.splitlines()
-    assert head.split() == ["name", "states", "controls", "reference", "title"]
+    names = ["name", "states", "controls", "constraints", "singular", "known optimum", "title"]
+    assert re.split(" {2,}", head) == names
     assert [row.split()[0] for row in rows] == BUNDLED
     assert any("Van der Pol oscillator with bounded control" in row for row in rows)
 
@@ -481,7 +482,8 @@ def test_show_a_result_that_is_no_success(quito_: Quito, tmp_path: Path) -> None
 def test_show_a_problem(quito_: Quito, tmp_path: Path) -> None:
     ran = quito_("show", problem(tmp_path))
     assert (ran.code, ran.err) == (0, "")
-    assert ran.out == f"Push to one\n\n{PUSH}"
+    assert ran.out.startswith("Push to one\n\nminimise   ∫₀¹ u² dt    (over u)\n")
+    assert quito_("show", "push.yaml", "--yaml").out == PUSH
     ran = quito_("show", "alychan", "--json")
     assert ran.json["states"]["x2"] == {"initial": 1.0}
     assert ran.json["time"]["final"] == "pi/2"
@@ -615,6 +617,7 @@ def test_without_a_command_there_is_help(quito_: Quito) -> None:
         ("solve", "alychan", "--format", "jpg"),
         ("plot",),
         ("show",),
+        ("new",),
     ],
 )
 def test_a_wrong_command_line(quito_: Quito, tmp_path: Path, arguments: tuple[str, ...]) -> None:

@@ -26,10 +26,17 @@ PROBLEMS = (
     "bressan",
     "bryson_denham",
     "catalyst_mixing",
+    "double_integrator_tracking",
+    "inverted_pendulum",
     "rayleigh",
+    "rayleigh_mixed",
+    "siri",
     "van_der_pol",
+    "van_der_pol_state",
 )
-WITH_CONTROL = tuple(name for name in PROBLEMS if name != "rayleigh")
+WITHOUT_REFERENCE = ("auv_fleet", "robot_path")
+WITHOUT_CONTROL = ("inverted_pendulum", "rayleigh", "rayleigh_mixed", "van_der_pol_state")
+WITH_CONTROL = tuple(name for name in PROBLEMS if name not in WITHOUT_CONTROL)
 WITH_STATE = ("alychan", "bressan", "bryson_denham", "catalyst_mixing")
 GENERAL = ("bressan", "bryson_denham")
 
@@ -39,8 +46,13 @@ def known(model: Model) -> Known:
     return model.known
 
 
-def test_all_seven_are_bundled() -> None:
-    assert set(bundled()) >= set(PROBLEMS)
+def test_all_fourteen_are_bundled() -> None:
+    assert set(bundled()) >= {*PROBLEMS, *WITHOUT_REFERENCE}
+
+
+@pytest.mark.parametrize("name", WITHOUT_REFERENCE)
+def test_what_is_only_the_best_known_is_no_reference(name: str, model: Build) -> None:
+    assert model(name).known is None
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
@@ -117,16 +129,19 @@ def test_known_functions_respect_bounds_and_are_continuous_from_the_right(
             assert at == pytest.approx(after, abs=1e-9, nan_ok=True)
 
 
-def test_where_nothing_is_known_it_says_so(model: Build) -> None:
-    given = model("rayleigh")
+@pytest.mark.parametrize("name", WITHOUT_CONTROL)
+def test_where_nothing_is_known_it_says_so(name: str, model: Build) -> None:
+    given = model(name)
     assert np.isnan(Known.sample(known(given).controls, given.controls, np.array([0.0, 1.0]))).all()
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_a_changed_file_keeps_its_reference_only_where_it_is_general(name: str) -> None:
-    key = {"bressan": "T", "bryson_denham": "l", "catalyst_mixing": "T", "van_der_pol": "mu"}.get(
-        name, "time.final"
-    )
+    key = {
+        **{"bressan": "T", "bryson_denham": "l", "catalyst_mixing": "T"},
+        **{"van_der_pol": "mu", "van_der_pol_state": "mu", "inverted_pendulum": "L"},
+        **{"double_integrator_tracking": "r", "siri": "beta"},
+    }.get(name, "time.final")
     value = 0.15 if key == "l" else 1.25
     found = build(changed(quito.load(name), {key: value})).known
     assert (found is not None) is (name in GENERAL)

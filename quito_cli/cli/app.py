@@ -15,6 +15,7 @@ import typer
 from quito_cli import __version__
 from quito_cli.cli.check import check
 from quito_cli.cli.list import list_problems
+from quito_cli.cli.new import new
 from quito_cli.cli.plot import plot
 from quito_cli.cli.schema import schema
 from quito_cli.cli.show import show
@@ -54,6 +55,7 @@ app.command("solve")(solve)
 app.command("check")(check)
 app.command("list")(list_problems)
 app.command("show")(show)
+app.command("new")(new)
 app.command("plot")(plot)
 app.command("schema")(schema)
 
