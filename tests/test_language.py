@@ -716,7 +716,7 @@ def test_a_periodic_orbit(solve: Solve) -> None:
 def test_a_rounding_error_is_no_violation(solve: Solve) -> None:
     """Both sides are of size one: that they differ by 1e-12 is no news."""
     text = scalar(
-        "x: {}, y: {initial: 0.5}",
+        "x: {guess: 2}, y: {initial: 0.5}",
         dynamics="x: sin(x) + u, y: cos(y)*u",
         cost="lagrange: u^2 + (x - 2)^2",
         more="""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import operator
 import re
+import unicodedata
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -94,6 +95,7 @@ OPERATIONS: dict[type[ast.operator], Callable[[Fraction, Fraction], Any]] = {
     ast.Pow: power,
 }
 VALUES = {"x1": Fraction(3, 7), "u": Fraction(-5, 3), "mu": Fraction(11, 4), "v_max": Fraction(2)}
+VULGAR = "½⅓⅔¼¾⅕⅖⅗⅘⅙⅚⅛⅜⅝⅞"
 LOOKS = {"x₁": "x1", "u": "u", "μ": "mu", "vₘₐₓ": "v_max"}
 
 
@@ -150,7 +152,7 @@ class Reading:
 
     def product(self) -> Fraction:
         value = self.factor()
-        while self.skip(r"·| (?=[\w(|√\\½¼¾])"):
+        while self.skip(rf"·| (?=[\w(|√\\{VULGAR}])"):
             value *= self.factor()
         return value / self.factor() if self.skip("/") else value
 
@@ -185,8 +187,9 @@ class Reading:
             times = {"": 1, "²": 2, "³": 3}[raised]
             bracket = "()" if self.text[self.place] == "(" else "{}"
             return stand_in(name, self.closed(*bracket)) ** times
-        if vulgar := self.skip("[½¼¾]"):
-            return {"½": Fraction(1, 2), "¼": Fraction(1, 4), "¾": Fraction(3, 4)}[vulgar]
+        if vulgar := self.skip(f"[{VULGAR}]"):
+            numerator, denominator = unicodedata.normalize("NFKC", vulgar).split("\u2044")
+            return Fraction(int(numerator), int(denominator))
         number = self.skip(r"\d+(\.\d+)?")
         assert number, self.text[self.place :]
         return Fraction(number)

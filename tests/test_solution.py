@@ -464,7 +464,7 @@ def test_a_violation_that_is_undefined_is_infinite(model: Build) -> None:
 def test_counts_and_history(solve: Solve) -> None:
     solution = solve("van_der_pol", steps=60)
     statistics = solution.statistics
-    assert statistics.unknowns == 61 * 2 + 61 + 2 * 4
+    assert statistics.unknowns == 61 * 2 + 61 + 2 * 3
     assert statistics.constraints == 60 * 2
     assert statistics.solver == "ipopt"
     assert statistics.build_seconds > 0

@@ -6,7 +6,15 @@ from typing import Annotated
 
 from pydantic import Discriminator, Field, Tag
 
-from quito_cli.problem.schema_values import MAX_SIZE, Expression, Formula, Number, Strict, kind
+from quito_cli.problem.schema_values import (
+    MAX_SIZE,
+    ConstantValue,
+    Expression,
+    Formula,
+    Number,
+    Strict,
+    kind,
+)
 
 
 class Piece(Strict):
@@ -37,7 +45,7 @@ class Reference(Strict):
     """How it was obtained and verified."""
     general: bool = False
     """The expressions hold for changed constants too."""
-    constants: dict[str, Expression] = {}
+    constants: dict[str, ConstantValue] = {}
     """Constants of the reference's own, in order."""
     switching_times: Annotated[list[Expression], Field(max_length=MAX_SIZE)] = []
     """All junctions between arcs, increasing."""

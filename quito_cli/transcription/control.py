@@ -77,16 +77,14 @@ class ControlBasis:
             coefficients have weight zero and an index clipped to the valid range.
         """
         root = math.sqrt(self._spread)
-        radius = reach(self.function.name) * root
-        half = 0 if self.function.cellwise else math.floor(radius) + 1
-        m = np.floor(cells + offsets).astype(np.int64)[:, None] + np.arange(-half, half + 1)
-        s = cells + offsets
         if self.function.cellwise:
-            s = cells.astype(float)
-            m = cells[:, None]
-        distance = s[:, None] - m
+            distance, m = np.zeros((len(cells), 1)), cells[:, None]
+        else:  # cut by cell: within one, û is as smooth as ψ, and integrators see no jump
+            half = math.ceil(reach(self.function.name) * root)
+            window = np.arange(1 - half, half + 1)
+            distance, m = offsets[:, None] - window, cells[:, None] + window
         first = -self.ghosts
-        known = (np.abs(distance) <= radius) & (m >= first) & (m < first + self.count)
+        known = (m >= first) & (m < first + self.count)
         weights = np.where(known, self.function.value(distance / root), 0.0)
         weights /= weights.sum(axis=1, keepdims=True) if self.normalised else root
         return np.clip(m - first, 0, self.count - 1), weights

@@ -15,6 +15,9 @@ from quito_cli.transcription.mesh import Mesh
 
 Array = NDArray[np.float64]
 
+MOVED = 1e-6
+"""Relative distance beyond a bound that is worth a word: answers lie up to 1e-8 outside theirs."""
+
 
 @dataclass(frozen=True)
 class Note:
@@ -120,7 +123,7 @@ def _clipped(
     clipped = np.clip(finite, *bounds)
     for variable in variables:
         part = variable.entries
-        moved = np.abs(clipped - finite)[:, part] > 1e-9 * (1 + np.abs(finite[:, part]))
+        moved = np.abs(clipped - finite)[:, part] > MOVED * (1 + np.abs(finite[:, part]))
         if not np.isfinite(values[:, part]).all():
             message = f"the guess of {variable.name} is not finite everywhere; replaced there"
         elif np.any(moved):
