@@ -42,7 +42,7 @@ class Truth:
     controls: Array
     """(m, n_u), in the file's order."""
     parameters: tuple[float, ...] = ()
-    """Of the file's unknowns that are constant in time."""
+    """The file's unknowns that are constant in time; left out where the cost is the only one."""
 
 
 @dataclass(frozen=True)
