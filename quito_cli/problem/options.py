@@ -15,6 +15,7 @@ from pydantic import (
     ConfigDict,
     Field,
     ValidationError,
+    WithJsonSchema,
     field_validator,
 )
 from pydantic_core import InitErrorDetails, PydanticCustomError
@@ -47,7 +48,10 @@ class CommonOptions(BaseModel):
     """Shape parameter D of the generating function: larger is smoother."""
     generating_function: Annotated[
         GeneratingFunctionName | None,
-        BeforeValidator(_name_of_number, json_schema_input_type=GeneratingFunctionName | int),
+        BeforeValidator(
+            _name_of_number,
+            json_schema_input_type=GeneratingFunctionName | Literal[1, 2, 3, 4, 5, 6],
+        ),
     ] = None
     """Generating function of the quasi-interpolant, by name or by the paper's number, 1 to 6."""
     normalised: bool | None = None
@@ -119,6 +123,16 @@ _ALLOWED: dict[str, tuple[str, ...] | None] = {
 or a plug-in: problem files are untrusted, the command line may pass anything."""
 
 
+_ALLOWED_SCHEMA: dict[str, Any] = {
+    "type": "object",
+    "additionalProperties": False,
+    "properties": {
+        name: {"type": "number"} if choices is None else {"type": "string", "enum": list(choices)}
+        for name, choices in _ALLOWED.items()
+    },
+}
+
+
 def refuse_solver_option(name: str, value: object) -> str | None:
     """Return why a problem file may not set this solver option, or None if it may."""
     if name not in _ALLOWED:
@@ -152,7 +166,9 @@ class FileOptions(CommonOptions):
     """Steps of the scheme in each control cell."""
     max_iterations: Annotated[int | None, Field(ge=0, le=10_000, strict=True)] = None
     """Iterations after which the solver gives up."""
-    solver_options: dict[str, float | int | bool | str] | None = None
+    solver_options: Annotated[
+        dict[str, float | int | bool | str] | None, WithJsonSchema(_ALLOWED_SCHEMA)
+    ] = None
     """Numbers and switches of IPOPT, by its own names, from a list of safe ones."""
 
     @field_validator("solver_options")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
 from quito_cli.problem.options import FileOptions
 from quito_cli.problem.schema_plots import MAX_SHAPES, Plot
@@ -127,6 +127,8 @@ class Constraints(Strict):
 
 class Cost(Strict):
     """What is minimised (or maximised): the integral of `lagrange` plus `mayer`."""
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 
     lagrange: Expression = 0.0
     """Running cost, integrated over the horizon: states, controls, t."""
