@@ -197,22 +197,29 @@ def _earlier(guess: str | Path | Solution | None) -> tuple[Solution | None, str 
 def control_basis(options: Options) -> ControlBasis:
     """Return the control's functions on `options.steps` cells.
 
+    Where the scheme looks at û in too few points, ghosts that none of them could determine are left
+    out.
+
     Raises:
         UsageError: a variance too small for the generating function.
     """
+    from quito_cli.transcription.cells import points_seen
     from quito_cli.transcription.control import ControlBasis
     from quito_cli.transcription.generating import (
         GENERATING_FUNCTIONS,
         check_variance,
         generating_function,
     )
+    from quito_cli.transcription.schemes import scheme
 
     classical = CLASSICAL_CONTROLS.get(options.control)
     if classical is not None:
         return ControlBasis(GENERATING_FUNCTIONS[classical], options.steps, 1.0, True)
     row = generating_function(options.generating_function)
     check_variance(row, options.variance)
-    return ControlBasis(row, options.steps, options.variance, options.normalised)
+    seen = points_seen(scheme(options.discretization), options.substeps, options.steps)
+    most = max(0, (seen - options.steps - 1) // 2)
+    return ControlBasis(row, options.steps, options.variance, options.normalised, most)
 
 
 def _checked(given: Mapping[str, Any]) -> dict[str, Any]:

@@ -55,7 +55,11 @@ def solve(
         ),
     ] = None,
     discretization: Annotated[
-        str | None, typer.Option(help=f"euler or rk4. [default: {Options.discretization}]")
+        str | None,
+        typer.Option(
+            help="euler, trapezoidal, rk4, hermite-simpson or radau. "
+            f"[default: {Options.discretization}]"
+        ),
     ] = None,
     substeps: Annotated[
         int | None,

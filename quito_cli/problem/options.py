@@ -24,7 +24,7 @@ GeneratingFunctionName = Literal[
     "gaussian", "laguerre4", "laguerre6", "hermite10", "trigonometric", "sech"
 ]
 ControlName = Literal["quasi-interpolant", "piecewise-constant", "piecewise-linear"]
-DiscretizationName = Literal["euler", "rk4"]
+DiscretizationName = Literal["euler", "trapezoidal", "rk4", "hermite-simpson", "radau"]
 PathPointsName = Literal["nodes", "substeps"]
 
 _BY_NUMBER = dict(enumerate(GeneratingFunctionName.__args__, start=1))  # type: ignore[attr-defined]
