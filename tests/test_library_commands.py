@@ -671,7 +671,7 @@ def run_in(folder: Path, *arguments: str) -> Ran:
         sys.argv = before
         os.chdir(here)
     out.flush()
-    printed = out.buffer.getvalue()  # type: ignore[attr-defined]
+    printed = out.buffer.getvalue()
     return Ran(code, printed.decode(), err.getvalue())
 
 
