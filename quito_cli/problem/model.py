@@ -72,6 +72,11 @@ class Bounds:
         """Entries that leave no choice."""
         return np.asarray(self.lower == self.upper)
 
+    @property
+    def unbounded(self) -> NDArray[np.bool_]:
+        """Entries that may grow without end on a side."""
+        return ~(np.isfinite(self.lower) & np.isfinite(self.upper))
+
     def within(self, other: Bounds) -> Bounds:
         """Return the intersection."""
         return Bounds(np.maximum(self.lower, other.lower), np.minimum(self.upper, other.upper))
