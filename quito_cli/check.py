@@ -18,8 +18,7 @@ from quito_cli.problem.language.expressions import ExpressionError, parse, parse
 from quito_cli.problem.model import Constraint, Model, labels
 from quito_cli.problem.schema import Problem
 from quito_cli.problem.text.complaints import Complaint, Path
-from quito_cli.solve import MESH_TOLERANCE, Options, control_basis
-from quito_cli.transcription.generating import saturation, smallest_variance
+from quito_cli.solve import Options, control_basis, control_warning
 from quito_cli.transcription.guess import Guess, make_guess
 from quito_cli.transcription.mesh import Mesh
 
@@ -310,11 +309,6 @@ def _discretization(model: Model, options: Options) -> Iterator[Complaint]:
             f"{options.steps} cells are few for a variance of {basis.variance:g}: a jump alone is "
             f"about {least / 2:.0f} cells wide; take {least:.0f} or more",
         )
-    excess = saturation(basis.function, basis.variance, basis.normalised)
-    if excess > MESH_TOLERANCE / 10:
-        enough = smallest_variance(basis.function, basis.normalised, MESH_TOLERANCE / 10)
-        yield Complaint(
-            ("options", "variance"),
-            f"with variance {basis.variance:g} the control is only accurate to {excess:.1g} of its "
-            f"range, on however fine a mesh; take at least {enough:.3g}",
-        )
+    doubt = control_warning(model, basis)
+    if doubt:
+        yield Complaint(("options", "variance"), doubt)

@@ -79,6 +79,8 @@ QUASI_INTERPOLANT_ONLY = ("variance", "generating_function", "normalised")
 """Options that mean nothing to the classical controls."""
 MESH_TOLERANCE = 1e-3
 """Error of the control, relative to its range, that a mesh is expected to reach."""
+SATURATION_LIMIT = MESH_TOLERANCE / 10
+"""Saturation of the control, relative to its range, above which there is a warning."""
 CLASSICAL_CONTROLS = {"piecewise-constant": "box", "piecewise-linear": "hat"}
 """Controls that are a generating function of their own."""
 
@@ -137,6 +139,8 @@ def solve(
     built = time.perf_counter() - started
     nlp, outcome, residuals, transcribed = _minimised(model, method, chosen, listener)
     built += transcribed
+    doubt = control_warning(model, method.basis)
+    nlp = replace(nlp, notes=nlp.notes + ((doubt,) if doubt else ()))
     return extract(problem, nlp, outcome, residuals, asdict(chosen), built)
 
 
@@ -220,6 +224,14 @@ def control_basis(options: Options) -> ControlBasis:
     seen = points_seen(scheme(options.discretization), options.substeps, options.steps)
     most = max(0, (seen - options.steps - 1) // 2)
     return ControlBasis(row, options.steps, options.variance, options.normalised, most)
+
+
+def control_warning(model: Model, basis: ControlBasis) -> str | None:
+    """Return what there is to say against a control's generating function and variance."""
+    from quito_cli.transcription.qualities import saturation_warning
+
+    bounds = model.control_bounds
+    return saturation_warning(basis, bounds.lower, bounds.upper, SATURATION_LIMIT)
 
 
 def _checked(given: Mapping[str, Any]) -> dict[str, Any]:

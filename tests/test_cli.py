@@ -37,7 +37,7 @@ from quito_cli.solvers.outcome import Status
 ROOT = Path(__file__).parent.parent
 ACCEPTED = ROOT / "tests" / "problems" / "accepted"
 BUNDLED = sorted(path.stem for path in (ROOT / "problems").glob("*.yaml"))
-COMMANDS = ("solve", "check", "list", "show", "new", "plot", "schema")
+COMMANDS = ("solve", "check", "list", "show", "new", "plot", "generating-functions", "schema")
 MAGIC = {"png": b"\x89PNG\r\n\x1a\n", "pdf": b"%PDF-", "svg": b"<?xml"}
 HEAVY = ("casadi", "h5py", "matplotlib", "numpy", "pydantic", "yaml")
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
@@ -639,7 +639,9 @@ REFUSED_OPTIONS = {
     ("--max-iterations", "-1"): "max-iterations: expected at least 0, got -1",
     ("--objective-scale", "0"): "objective-scale: expected a number above 0, got 0",
     ("--generating-function", "gausian"): "did you mean 'gaussian'?",
-    ("--generating-function", "7"): "generating-function: expected gaussian, laguerre4",
+    ("--generating-function", "7"): "generating-function: expected gaussian, laguerre4, "
+    "laguerre6, hermite10, trigonometric or sech, or its number 1 to 6, got '7'",
+    ("--generating-function", "²"): "or its number 1 to 6, got '²'",
     ("--control", "piecewise_constant"): "did you mean 'piecewise-constant'?",
     ("--control", "piecewise-linea"): "did you mean 'piecewise-linear'?",
     ("--discretization", "rk5"): "did you mean 'rk4'?",

@@ -240,8 +240,16 @@ def draw(solution: Solution, panels: Iterable[str], path: Path) -> None:
     Raises:
         ResultFileError: the file cannot be written.
     """
+    write(figure(solution, panels), path)
+
+
+def write(drawn: Figure, path: Path) -> None:
+    """Write a figure; the ending of `path` is its format.
+
+    Raises:
+        ResultFileError: the file cannot be written.
+    """
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # no word on fonts being looked for
-    drawn = figure(solution, panels)
     dateless = {"Date": None} if path.suffix == ".svg" else {}
     if path.suffix == ".pdf":
         dateless = {"CreationDate": None}

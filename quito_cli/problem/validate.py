@@ -234,7 +234,8 @@ def expected(detail: ErrorDetails, path: Path = ()) -> str:
         case "literal_error":
             names = str(context["expected"]).replace("'", "")
             hint = suggest(str(value), names.replace(" or ", ", ").split(", "))
-            return f"expected {names}, got {_shown(value)}{hint}"
+            by_number = ", or its number 1 to 6" if "generating_function" in detail["loc"] else ""
+            return f"expected {names}{by_number}, got {_shown(value)}{hint}"
         case "too_long":
             return f"expected at most {_entries(context['max_length'])}, got {_length(context)}"
         case "too_short":
