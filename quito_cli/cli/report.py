@@ -56,6 +56,7 @@ def as_dictionary(solution: Solution, result: Path | None, plot: Path | None) ->
         "ringing": dict(zip(names, evidence.ringing, strict=True)),
         "warnings": list(evidence.warnings),
         "diagnosis": list(evidence.diagnosis),
+        "set": dict(solution.origin.changes),
         "options": dict(solution.options),
         "hdf5": None if result is None else str(result),
         "plot": None if plot is None else str(plot),

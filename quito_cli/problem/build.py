@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from quito_cli.problem.comparisons import read_comparison
 from quito_cli.problem.declarations import bounds, end_values, hints, times
 from quito_cli.problem.known import read_reference
-from quito_cli.problem.model import Constraint, Constraints, Instant, Known, Model, Variable
+from quito_cli.problem.model import Constraint, Constraints, Instant, Known, Lookup, Model, Variable
 from quito_cli.problem.schema import Problem
 from quito_cli.problem.scopes import Scopes
 from quito_cli.problem.text.complaints import Complaint, ProblemError, suggest
@@ -80,6 +80,7 @@ def try_build(problem: Problem, poisoned: Iterable[str] = ()) -> tuple[Model, li
         sense,
         _known(scopes, start, end),
         read_views(scopes),
+        _lookups(scopes),
     )
     return model, reader.complaints
 
@@ -190,6 +191,20 @@ def _points(scopes: Scopes, start: Instant, end: Instant) -> tuple[Constraint, .
             fraction = (at - low) / (high - low) if high > low else 0.0
             found.append(replace(constraint, at=fraction))
     return tuple(found)
+
+
+def _lookups(scopes: Scopes) -> tuple[Lookup, ...]:
+    """Return where tables are read along the horizon, each place once."""
+    import casadi as ca
+
+    inputs = [scopes.x, scopes.u, scopes.p, scopes.t]
+    found: dict[tuple[str, str], Lookup] = {}
+    for table, at in scopes.reader.lookups:
+        argument = ca.vec(ca.densify(at))
+        if not ca.Function("at", inputs, [argument], {"allow_free": True}).get_free():
+            lookup = Lookup(table.name, float(table.x[0]), float(table.x[-1]), argument)
+            found.setdefault((table.name, str(argument)), lookup)
+    return tuple(found.values())
 
 
 def _known(scopes: Scopes, start: Instant, end: Instant) -> Known | None:

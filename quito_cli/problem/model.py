@@ -187,6 +187,19 @@ class Constraints:
     """In terms of x, u, p, t."""
 
 
+@dataclass(frozen=True, eq=False)
+class Lookup:
+    """Where a formula along the horizon reads a table."""
+
+    table: str
+    first: float
+    """Its least argument."""
+    last: float
+    """Its largest."""
+    argument: ca.SX
+    """What it is read at, (entries, 1), in terms of x, u, p, t."""
+
+
 @dataclass(frozen=True)
 class Hints:
     """Where the file says the solver is to start, and how large things are."""
@@ -241,6 +254,8 @@ class Model:
     """The file's reference, where it applies."""
     views: tuple[View, ...]
     """The plots it asks for."""
+    lookups: tuple[Lookup, ...]
+    """Where its formulas read tables."""
 
     @property
     def n_x(self) -> int:
@@ -297,6 +312,12 @@ class Model:
         import casadi as ca
 
         return ca.Function("size", [self.x, self.u, self.p, self.t], [constraint.size])
+
+    def argument(self, lookup: Lookup) -> ca.Function:
+        """Return (x, u, p, t) ↦ what a table is read at."""
+        import casadi as ca
+
+        return ca.Function("argument", [self.x, self.u, self.p, self.t], [lookup.argument])
 
     @cached_property
     def boundary_values(self) -> ca.Function:

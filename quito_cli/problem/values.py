@@ -46,6 +46,7 @@ class Reader:
         self.budget = Budget()
         self._poisoned = set(poisoned)
         self.tables: dict[str, TableData] = {}
+        self.lookups: list[tuple[TableData, ca.SX]] = []
 
     def complain(self, path: Path, message: str, *, key: bool = False) -> None:
         """Note a mistake at `path`."""
@@ -90,6 +91,7 @@ class Reader:
                 final=final,
                 tables=self.tables,
                 budget=self.budget,
+                lookups=self.lookups,
             )
         except ExpressionError as error:
             self.complaints.append(Complaint(path, error.message, error.offset, error.length))

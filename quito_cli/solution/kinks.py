@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-NEAR = 1e-5
+NEAR = 1e-3
 """A corner this near, relative to the size its argument has along the horizon, is sat on."""
 MANY = 0.02
 """Part of the nodes at which a corner is sat on rather than crossed."""
@@ -69,10 +69,11 @@ def sat_on(
     import casadi as ca
 
     function = ca.Function("formula", model_inputs, [ca.vec(ca.densify(expression))])
-    for name, argument in corners(function):
-        zero = ca.Function("corner", function.sx_in(), [argument])
-        values = np.array(zero.map(points[-1].shape[-1])(*points)).ravel()
-        near = np.abs(values) <= NEAR * max(1.0, float(np.nanmax(np.abs(values), initial=0.0)))
+    found = corners(function)
+    zero = ca.Function("corners", function.sx_in(), [ca.vertcat(*(a for _, a in found))])
+    values = np.abs(np.array(zero.map(points[-1].shape[-1])(*points)))
+    for (name, _), row in zip(found, values, strict=True):
+        near = row <= NEAR * float(np.nanmax(row, initial=0.0))
         if near.mean() > MANY:
             return name, int(np.argmax(near))
     return None

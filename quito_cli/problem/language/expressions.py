@@ -74,6 +74,7 @@ def evaluate(
     final: Mapping[str, SX] | None = None,
     tables: Mapping[str, TableData] = _NOTHING,
     budget: Budget | None = None,
+    lookups: list[tuple[TableData, SX]] | None = None,
 ) -> SX:
     """Give the value of an expression as a dense SX matrix.
 
@@ -85,12 +86,14 @@ def evaluate(
         final: the same for `final(name)`.
         tables: what `interpolate(x, name)` may read.
         budget: what all formulas of a file may cost together; None for one by itself.
+        lookups: where to note which tables are read, and at what.
 
     Raises:
         ExpressionError: for an unknown name, shapes that do not fit, or too much work.
     """
     boundary = {"initial": initial, "final": final}
-    walk = _Evaluation(expression, scope, refused, boundary, tables, budget or Budget())
+    notes = [] if lookups is None else lookups
+    walk = _Evaluation(expression, scope, refused, boundary, tables, budget or Budget(), notes)
     return walk.value(expression.tree)
 
 
@@ -146,6 +149,7 @@ class _Evaluation:
     boundary: Mapping[str, Mapping[str, SX] | None]
     tables: Mapping[str, TableData]
     budget: Budget
+    lookups: list[tuple[TableData, SX]]
     work: int = 0
 
     def value(self, node: ast.expr) -> SX:
@@ -248,6 +252,7 @@ class _Evaluation:
             hint = hint or ": measured data are given by name under `tables:`"
             raise self._error(f"'{name}' is no table{hint}", node.args[-1])
         self._spend(at.numel() * self.tables[name].operations, node)
+        self.lookups.append((self.tables[name], at))
         return row.apply([at, self.tables[name]])
 
     def _condition(self, node: ast.expr) -> SX:
