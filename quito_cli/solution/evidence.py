@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 
 DENSE_POINTS = 10
 """Points a cell on the grid that violations and variation are looked for on."""
+SEEN = 0.01
+"""A control that moves by less of its size is a constant to the eye."""
 RINGS = 100.0
 """Ringing index from which on it is plain to see."""
 HARDLY_MOVES = 0.1
@@ -94,7 +96,8 @@ def evidence(
         + (
             ()
             if failed
-            else _warnings(found, gap, terminal, answer.cost, again) + _rings(model, ringing)
+            else _warnings(found, gap, terminal, answer.cost, again)
+            + _rings(model, dense.controls, ringing)
         ),
         diagnose(nlp, outcome, residuals, trajectory, nodes) + _missed(model, again, outcome.status)
         if failed
@@ -188,13 +191,14 @@ def _ringing(model: Model, method: Discretization, answer: Answer) -> tuple[floa
     )
 
 
-def _rings(model: Model, ringing: tuple[float, ...]) -> tuple[str, ...]:
-    """Say which controls ring, and what is known to help."""
+def _rings(model: Model, controls: Array, ringing: tuple[float, ...]) -> tuple[str, ...]:
+    """Say which controls ring to be seen, and what is known to help."""
+    moves = np.ptp(controls, axis=0) > SEEN * np.abs(controls).max(axis=0)
     return tuple(
         f"{name} rings (index {index:.2g}): try --path-points substeps where a constraint of "
         "states is active, more --substeps, a tighter --tolerance or a larger --variance"
-        for name, index in zip(labels(model.controls), ringing, strict=True)
-        if index > RINGS
+        for name, index, seen in zip(labels(model.controls), ringing, moves, strict=True)
+        if index > RINGS and seen
     )
 
 
