@@ -226,14 +226,14 @@ def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the given options, validated, without those that are None."""
     from pydantic import ValidationError
 
+    from quito_cli.problem.keys import option_hint
     from quito_cli.problem.options import RequestedOptions
-    from quito_cli.problem.text.complaints import suggest
-    from quito_cli.problem.validate import expected
+    from quito_cli.problem.wording import expected
 
     known = [f.name for f in fields(Options) if f.name != "guess"]
     for name in given:
         if name not in known:
-            raise UsageError(f"there is no option '{name}'{suggest(name, known)}")
+            raise UsageError(f"there is no option '{name}'{option_hint(name, known)}")
     present = {name: value for name, value in given.items() if value is not None}
     try:
         return RequestedOptions.model_validate(present).model_dump(exclude_none=True)
