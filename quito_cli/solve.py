@@ -187,10 +187,12 @@ def _earlier(guess: str | Path | Solution | None) -> tuple[Solution | None, str 
     """Return an earlier answer to start from, and how it is recorded."""
     if guess is None:
         return None, None
+    from quito_cli.problem.load import refuse_problem
     from quito_cli.solution.solution import Solution
 
     if isinstance(guess, Solution):
         return guess, guess.origin.name
+    refuse_problem(guess, "start from")
     return Solution.load(guess), str(guess)
 
 
