@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import re
+from dataclasses import replace
 from typing import Any
 
 from pydantic import ValidationError
@@ -76,12 +77,14 @@ def _beyond(details: list[ErrorDetails], source: Source, name: str) -> list[Comp
     """Return complaints about formulas, with the structure mended where that can be guessed."""
     data = copy.deepcopy(source.data)
     poisoned = {_STAND_IN}
+    moved: dict[Path, Path] = {}
     for _ in range(_MENDINGS):
         wrong = [(detail["type"], _real_path(detail["loc"], data)) for detail in details]
         for kind, path in wrong:
             if path[0] in _NAMING and len(path) == 1 and kind != "extra_forbidden":
                 poisoned |= _undeclared(source.data)
-            known = (_rename if kind == "extra_forbidden" else _replace)(data, path)
+            unknown = kind == "extra_forbidden"
+            known = _rename(data, path, moved) if unknown else _replace(data, path)
             if not known:
                 poisoned.add(str(path[1]))
         try:
@@ -89,8 +92,16 @@ def _beyond(details: list[ErrorDetails], source: Source, name: str) -> list[Comp
         except ValidationError as error:
             details = error.errors()
         else:
-            return try_build(problem, poisoned)[1]
+            complaints = try_build(problem, poisoned)[1]
+            return [replace(c, path=_written(c.path or (), moved)) for c in complaints]
     return []
+
+
+def _written(path: Path, moved: dict[Path, Path]) -> Path:
+    """Return where the file has what is at a path since keys were given other names."""
+    for length in range(len(path), 0, -1):
+        path = moved.get(path[:length], path[:length]) + path[length:]
+    return path
 
 
 def _undeclared(data: Any) -> set[str]:
@@ -110,8 +121,8 @@ def _undeclared(data: Any) -> set[str]:
     return words.difference(*(section for section in sections if isinstance(section, dict)))
 
 
-def _rename(data: Any, path: Path) -> bool:
-    """Give an unknown key the name it was likely meant to have, or leave it out.
+def _rename(data: Any, path: Path, moved: dict[Path, Path]) -> bool:
+    """Give an unknown key the name it was likely meant to have, noted in `moved`, or leave it out.
 
     False if the state, control or constant that holds it cannot be spoken of any more.
     """
@@ -124,6 +135,7 @@ def _rename(data: Any, path: Path) -> bool:
     key = meant(path, holder)
     if key:
         holder[key] = value
+        moved[(*path[:-1], key)] = path
     elif path[0] == "parameters" and len(path) == 3:
         holder.setdefault("guess", 0)
     return bool(key) or path[0] not in _NAMING or len(path) < 3
@@ -134,15 +146,8 @@ def _replace(data: Any, path: Path) -> bool:
     match path:
         case (str(section), *_) if section in _ASIDE:
             data.pop(section, None)
-        case ("time",):
-            data["time"] = {"initial": _STAND_IN, "final": _STAND_IN}
-        case ("dynamics",):
-            states = data.get("states")
-            data["dynamics"] = dict.fromkeys(states if isinstance(states, dict) else (), _STAND_IN)
-        case ("cost",):
-            data["cost"] = {"mayer": 0}
-        case ("states",):
-            _replace_states(data)
+        case (str(section),):
+            _replace_section(data, section)
         case ("time" | "dynamics" as section, key, *_):
             data[section][key] = _STAND_IN
         case ("constraints", str(kind), name, *_) if isinstance(data.get("constraints"), dict):
@@ -160,9 +165,25 @@ def _replace(data: Any, path: Path) -> bool:
         case (str(section), key, *_):
             data[section].pop(key, None)
             return section not in _NAMING
-        case (str(key),):
-            data.pop(key, None)
     return True
+
+
+def _replace_section(data: Any, section: str) -> None:
+    """Put something harmless in place of a whole section."""
+    if section in ("states", "controls"):
+        data.pop("reference", None)  # it may speak of them
+    match section:
+        case "time":
+            data["time"] = {"initial": _STAND_IN, "final": _STAND_IN}
+        case "states":
+            _replace_states(data)
+        case "dynamics":
+            states = data.get("states")
+            data["dynamics"] = dict.fromkeys(states if isinstance(states, dict) else (), _STAND_IN)
+        case "cost":
+            data["cost"] = {"mayer": 0}
+        case _:
+            data.pop(section, None)
 
 
 def _replace_states(data: Any) -> None:
@@ -171,7 +192,6 @@ def _replace_states(data: Any) -> None:
     named = dynamics if isinstance(dynamics, dict) else {}
     data["states"] = {name: {} for name in named if not is_valid_name(name)} or {_STAND_IN: {}}
     data["dynamics"] = {name: named.get(name, _STAND_IN) for name in data["states"]}
-    data.pop("reference", None)
 
 
 def _unknown(section: str) -> dict[str, Any]:

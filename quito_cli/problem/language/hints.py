@@ -161,10 +161,8 @@ def _call(about: About, place: Place) -> str | None:
         remedy = f": {name} alone is its value at the time t"
     else:
         at = "..." if argument in _FINAL_TIME | _INITIAL_TIME else argument
-        remedy = (
-            ": what holds at one time is a point constraint, "
-            f"{{at: {at}, holds: {name} <= 1}}, or an end value"
-        )
+        remedy = f": for one time write a point constraint, {{at: {at}, holds: {name} <= 1}}"
+        remedy += ", for an end `initial` or `final`" if kind == "state" else ""
     article = "an" if kind[0] in "aeiou" else "a"
     return f"'{name}' is {article} {kind}, not a function{remedy}"
 
