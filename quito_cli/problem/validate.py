@@ -78,6 +78,7 @@ def _beyond(details: list[ErrorDetails], source: Source, name: str) -> list[Comp
     data = copy.deepcopy(source.data)
     poisoned = {_STAND_IN}
     moved: dict[Path, Path] = {}
+    told: list[Complaint] = []
     for _ in range(_MENDINGS):
         wrong = [(detail["type"], _real_path(detail["loc"], data)) for detail in details]
         for kind, path in wrong:
@@ -90,11 +91,15 @@ def _beyond(details: list[ErrorDetails], source: Source, name: str) -> list[Comp
         try:
             problem = _named(Problem.model_validate(data), source, name)
         except ValidationError as error:
-            details = error.errors()
+            details = _told_once(error.errors(), data)
+            for detail in details:
+                path = _real_path(detail["loc"], data)
+                if _written(path, moved) != path:  # it was under an unknown key, and not looked at
+                    told.append(_complaint(detail, path))
         else:
-            complaints = try_build(problem, poisoned)[1]
-            return [replace(c, path=_written(c.path or (), moved)) for c in complaints]
-    return []
+            told += try_build(problem, poisoned)[1]
+            break
+    return [replace(c, path=_written(c.path or (), moved)) for c in told]
 
 
 def _written(path: Path, moved: dict[Path, Path]) -> Path:
