@@ -191,10 +191,12 @@ def _earlier(guess: str | Path | Solution | None) -> tuple[Solution | None, str 
     """Return an earlier answer to start from, and how it is recorded."""
     if guess is None:
         return None, None
+    from quito_cli.problem.load import refuse_problem
     from quito_cli.solution.solution import Solution
 
     if isinstance(guess, Solution):
         return guess, guess.origin.name
+    refuse_problem(guess, "start from")
     return Solution.load(guess), str(guess)
 
 
@@ -238,14 +240,14 @@ def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the given options, validated, without those that are None."""
     from pydantic import ValidationError
 
+    from quito_cli.problem.keys import option_hint
     from quito_cli.problem.options import RequestedOptions
-    from quito_cli.problem.text.complaints import suggest
-    from quito_cli.problem.validate import expected
+    from quito_cli.problem.wording import expected
 
     known = [f.name for f in fields(Options) if f.name != "guess"]
     for name in given:
         if name not in known:
-            raise UsageError(f"there is no option '{name}'{suggest(name, known)}")
+            raise UsageError(f"there is no option '{name}'{option_hint(name, known)}")
     present = {name: value for name, value in given.items() if value is not None}
     try:
         return RequestedOptions.model_validate(present).model_dump(exclude_none=True)

@@ -26,6 +26,7 @@ from quito_cli.problem.language.functions import (
     check_one_shape,
     shape_text,
 )
+from quito_cli.problem.language.hints import About
 from quito_cli.problem.language.names import KNOWN_CONSTANTS, is_valid_name, nearest
 from quito_cli.problem.language.operations import COMPARE, operate, product_work, take
 from quito_cli.problem.language.syntax import (
@@ -208,7 +209,8 @@ class _Evaluation:
         if name in self.tables:
             raise self._error(f"'{name}' is a table: write interpolate(x, {name})", node)
         known = (*self.scope, *self.tables)
-        raise self._error(f"unknown name '{name}'{nearest(name, known, 0.5)}", node)
+        message = f"unknown name '{name}'{nearest(name, known, 0.5)}"
+        raise self.expression.error(message, node, About("name", name))
 
     def _boundary_value(self, node: ast.Call, which: str) -> SX:
         """Look up what initial(name) or final(name) stands for."""
