@@ -3,7 +3,7 @@
     OMP_NUM_THREADS=1 pytest -m benchmark tests/benchmarks/test_choices.py
 
 Every bundled problem but `auv_fleet` (which alone takes longer than all others), with its own
-options but for those compared and N = 100. Errors of the cost are relative, those of the control
+options but for those compared and N = 50. Errors of the cost are relative, those of the control
 are root mean squares over the horizon relative to its range, both against the references in the
 files and in tests/reference; medians over the problems that have one. A smeared jump dominates the
 control's error, as it should: it is what a user sees. Tables are printed as Markdown.
@@ -29,8 +29,8 @@ from quito_cli.transcription.schemes import SCHEMES
 
 REFERENCE = Path(__file__).parents[1] / "reference"
 PROBLEMS = tuple(name for name in bundled() if name != "auv_fleet")
-STEPS = 100
-MOST_ITERATIONS = 400
+STEPS = 50
+MOST_ITERATIONS = 150
 
 
 @dataclass(frozen=True)
