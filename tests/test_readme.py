@@ -23,7 +23,7 @@ from quito_cli.solve import Options
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-COMMANDS = ("solve", "check", "list", "show", "new", "plot", "schema")
+COMMANDS = ("solve", "check", "list", "show", "new", "plot", "solvers", "schema")
 
 
 def marked(mark: str) -> str:

@@ -20,6 +20,7 @@ from quito_cli.cli.plot import plot
 from quito_cli.cli.schema import schema
 from quito_cli.cli.show import show
 from quito_cli.cli.solve import solve
+from quito_cli.cli.solvers import solvers
 from quito_cli.errors import QuitoError
 
 app = typer.Typer(
@@ -58,6 +59,7 @@ app.command("show")(show)
 app.command("new")(new)
 app.command("plot")(plot)
 app.command("schema")(schema)
+app.command("solvers")(solvers)
 
 
 def main() -> None:
