@@ -36,9 +36,11 @@ class Options:
     substeps: int = 2
     tolerance: float = 1e-9
     max_iterations: int = 1000
+    solver: str = "ipopt"
     objective_scale: float | None = None
     path_points: Literal["nodes", "substeps"] | None = None
     guess: str | None = None
+    warm_start: bool = False
     solver_options: Mapping[str, float | int | bool | str] = field(default_factory=dict)
 
     @classmethod
@@ -54,6 +56,8 @@ class Options:
         """
         asked = _checked(given)
         wanted = file.model_dump(exclude_none=True)
+        if "solver" in asked and asked["solver"] != wanted.get("solver", cls.solver):
+            wanted.pop("solver_options", None)  # the file's are for the file's solver
         if "control" in asked and asked["control"] != wanted.get("control", cls.control):
             for name in QUASI_INTERPOLANT_ONLY:  # the file's choice was for the file's control
                 wanted.pop(name, None)
@@ -129,6 +133,8 @@ def solve(
     if earlier is not None:
         model = guided(model, earlier)
     _refuse_too_large(model, chosen, "steps" in given)
+    if chosen.warm_start and earlier is None:
+        raise UsageError("a warm start needs an earlier result: give one with --guess")
     points = [constraint.at for constraint in model.constraints.point]
     method = Discretization(
         Mesh.through(chosen.steps, np.array(points, dtype=float)),
@@ -137,7 +143,9 @@ def solve(
         chosen.substeps,
     )
     built = time.perf_counter() - started
-    nlp, outcome, residuals, transcribed = _minimised(model, method, chosen, listener)
+    nlp, outcome, residuals, transcribed = _minimised(
+        model, method, chosen, earlier if chosen.warm_start else None, listener
+    )
     built += transcribed
     doubt = control_warning(model, method.basis)
     nlp = replace(nlp, notes=nlp.notes + ((doubt,) if doubt else ()))
@@ -145,29 +153,42 @@ def solve(
 
 
 def _minimised(
-    model: Model, method: Discretization, options: Options, listener: Listener | None
+    model: Model,
+    method: Discretization,
+    options: Options,
+    warm: Solution | None,
+    listener: Listener | None,
 ) -> tuple[Nlp, Outcome, Residuals, float]:
     """Return program, answer, residuals and the seconds of transcription.
 
-    Where the guess was so costly that its scale makes the objective count for nothing, it is solved
-    again from the answer, with the scale that the cost found calls for.
+    An earlier answer to start from `warm` gives its multipliers, too. Where the guess was so costly
+    that its scale makes the objective count for nothing, it is solved again from the answer, with
+    the scale that the cost found calls for.
     """
+    from quito_cli.solution.follow import resumed
     from quito_cli.solvers import Status, minimise
     from quito_cli.transcription.transcribe import FAR_TOO_SMALL, transcribe, wanted_scale
 
     started = time.perf_counter()
     nlp = transcribe(model, method, options.objective_scale, options.path_points)
+    nlp, start = (nlp, None) if warm is None else resumed(nlp, warm)
     seconds = time.perf_counter() - started
-    settings = options.tolerance, options.max_iterations, dict(options.solver_options), listener
-    outcome, residuals = minimise(nlp, *settings)
+    settings = (
+        options.solver,
+        options.tolerance,
+        options.max_iterations,
+        options.solver_options,
+        listener,
+    )
+    outcome, residuals = minimise(nlp, *settings, start)
     for _ in range(RESCALINGS if options.objective_scale is None else 0):
-        scale = wanted_scale(outcome.cost)
+        scale = wanted_scale(residuals.cost)
         if nlp.objective_scale > FAR_TOO_SMALL * scale or outcome.status is Status.INTERRUPTED:
             break
         before, started = outcome, time.perf_counter()
         nlp = replace(transcribe(model, method, scale, options.path_points), guess=outcome.w)
         seconds += time.perf_counter() - started
-        outcome, residuals = minimise(nlp, *settings)
+        outcome, residuals = minimise(nlp, *settings, None)
         outcome = outcome.following(before)
     return nlp, outcome, residuals, seconds
 

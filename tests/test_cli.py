@@ -395,6 +395,7 @@ def test_the_command_line_wins_over_the_file_and_the_file_over_defaults(
     }
     unasked = {"path_points": None, "guess": None, "objective_scale": None}
     usual = {"normalised": True, "control": "quasi-interpolant"}
+    usual |= {"solver": "ipopt", "warm_start": False}
     assert ran.json["options"] == unasked | asked | usual
     given = ("-N", "6", "--discretization", "rk4", "--solver-option", "mu_init=0.5")
     ran = quito_("solve", file, *given, "--json", "--no-plot")

@@ -561,7 +561,7 @@ def test_the_shortest_time_of_a_double_integrator_is_two(model: Build) -> None:
     free = model(SHORTEST)
     basis = ControlBasis(GENERATING_FUNCTIONS["box"], 10, 1.0, True)
     nlp = transcribe(free, Discretization(Mesh.uniform(10), basis, SCHEMES["rk4"], 2), None, None)
-    outcome, _ = minimise(nlp, 1e-10, 200, {}, None)
+    outcome, _ = minimise(nlp, "ipopt", 1e-10, 200, {}, None, None)
     assert outcome.status is Status.SOLVED
     w = outcome.w * nlp.unit
     assert nlp.transcription.layout.times(w, free) == pytest.approx((0, 2), abs=1e-8)
@@ -573,7 +573,7 @@ def test_the_best_constant_is_the_average(model: Build) -> None:
     """min over p of ∫(t − p)² on [0, 1]: p = 1/2, cost 1/12."""
     free = model(AVERAGE)
     nlp = transcribe(free, method("rk4", 2, "box"), None, None)
-    outcome, _ = minimise(nlp, 1e-10, 200, {}, None)
+    outcome, _ = minimise(nlp, "ipopt", 1e-10, 200, {}, None, None)
     found = nlp.transcription.layout.parameters(outcome.w * nlp.unit)
     assert found == pytest.approx([0.5], abs=1e-9)
     cost = float(nlp.assembled.gradient(outcome.w, [])[0]) / nlp.objective_scale
@@ -588,7 +588,7 @@ def answer(model: Build) -> tuple[Nlp, Outcome]:
     nlp = transcribe(model("van_der_pol"), method("rk4", 2, cells=20), None, None)
     assert (nlp.unit == 1).all()  # sizes are ordinary here: scaled and unscaled are the same
     assert (nlp.row_scale == 1).all()
-    outcome, found = minimise(nlp, 1e-9, 200, {}, None)
+    outcome, found = minimise(nlp, "ipopt", 1e-9, 200, {}, None, None)
     assert outcome.status is Status.SOLVED
     assert found.largest <= 1e-8
     return nlp, outcome
@@ -596,8 +596,8 @@ def answer(model: Build) -> tuple[Nlp, Outcome]:
 
 def judged(nlp: Nlp, outcome: Outcome, monkeypatch: pytest.MonkeyPatch) -> Status:
     """What becomes of the answer of a solver that returns `outcome`."""
-    monkeypatch.setattr("quito_cli.solvers.ipopt.solve", lambda *_: outcome)
-    return minimise(nlp, 1e-9, 200, {}, None)[0].status
+    monkeypatch.setattr("quito_cli.solvers.nlpsol.solve", lambda *_: outcome)
+    return minimise(nlp, "ipopt", 1e-9, 200, {}, None, None)[0].status
 
 
 def test_a_solver_that_lies_is_not_believed(
@@ -663,5 +663,5 @@ def test_a_multiplier_of_a_bound_that_does_not_exist_counts(function: str, model
     free = nlp.lower < nlp.upper
     lam_g: Any = np.linalg.lstsq(jacobian.T[free], -gradient[free], rcond=None)[0]
     lam_w = np.where(free, -(gradient + jacobian.T @ lam_g), 0.0)
-    claimed = Outcome(Status.SOLVED, w, lam_g, lam_w, 0, {}, 0.0, 0.0, "", 0.0)
+    claimed = Outcome(Status.SOLVED, w, lam_g, lam_w, 0, {}, 0.0, 0.0, "", "ipopt")
     assert residuals(nlp, claimed).largest > 1e-3

@@ -13,6 +13,7 @@ from quito_cli.problem import options as requested
 from quito_cli.problem.load import load_text
 from quito_cli.problem.options import FileOptions, RequestedOptions, refuse_solver_option
 from quito_cli.solve import CLASSICAL_CONTROLS, QUASI_INTERPOLANT_ONLY, Options
+from quito_cli.solvers import AUTOMATIC, SOLVERS
 from quito_cli.transcription.generating import GENERATING_FUNCTIONS, generating_function
 from quito_cli.transcription.schemes import SCHEMES
 
@@ -38,6 +39,7 @@ def test_fields_are_the_same_everywhere() -> None:
     names.remove("guess")  # a path, and so never asked for by a file
     assert set(RequestedOptions.model_fields) == set(names)
     names.remove("objective_scale")  # too small a one could buy a success
+    names.remove("warm_start")  # without a guess it means nothing
     assert set(FileOptions.model_fields) == set(names)
 
 
@@ -51,6 +53,7 @@ def test_names_are_those_of_the_tables() -> None:
     assert get_args(requested.GeneratingFunctionName) == PAPER
     assert set(PAPER) == set(GENERATING_FUNCTIONS) - classical
     assert set(get_args(requested.DiscretizationName)) == set(SCHEMES)
+    assert set(get_args(requested.SolverName)) == {AUTOMATIC, *SOLVERS}
     assert set(get_args(requested.ControlName)) == {"quasi-interpolant", *CLASSICAL_CONTROLS}
     assert set(QUASI_INTERPOLANT_ONLY) < {field.name for field in fields(Options)}
 
@@ -77,7 +80,9 @@ def test_defaults_are_those_of_the_design() -> None:
         substeps=2,
         tolerance=1e-9,
         max_iterations=1000,
+        solver="ipopt",
         objective_scale=None,
+        warm_start=False,
         solver_options={},
     )
 
@@ -93,6 +98,7 @@ GIVEN: dict[str, tuple[Any, Any]] = {
     "tolerance": (1e-5, 1e-6),
     "max_iterations": (3, 4),
     "path_points": ("nodes", "substeps"),
+    "solver": ("uno", "auto"),
 }
 
 
@@ -111,8 +117,15 @@ def test_solver_options_are_merged_one_by_one() -> None:
     assert merged.solver_options == {"mu_init": 0.2, "max_soc": 2, "linear_solver": "mumps"}
 
 
+def test_options_of_the_files_solver_are_not_for_another_one() -> None:
+    file = {"solver_options": {"mu_init": 0.1}}
+    assert resolve(file, solver="uno").solver_options == {}
+    assert resolve(file, solver="ipopt").solver_options == {"mu_init": 0.1}
+    assert resolve(file | {"solver": "ipopt"}, steps=3).solver_options == {"mu_init": 0.1}
+
+
 def test_every_option_has_its_row_here() -> None:
-    assert set(GIVEN) | {"solver_options", "guess", "objective_scale"} == {
+    assert set(GIVEN) | {"solver_options", "guess", "objective_scale", "warm_start"} == {
         field.name for field in fields(Options)
     }
 
@@ -155,6 +168,7 @@ def test_a_classical_control_has_no_shape(control: str, name: str, value: Any) -
         ("tolerance", 0),
         ("tolerance", 1),
         ("max_iterations", -1),
+        ("solver", "ipop"),
         ("objective_scale", -1),
         ("objective_scale", math.inf),
         ("solver_options", [1]),

@@ -74,7 +74,7 @@ def solved(
     basis = ControlBasis(GENERATING_FUNCTIONS[function], cells, 2.0, True)
     method = Discretization(mesh or Mesh.uniform(cells), basis, row, substeps)
     nlp = transcribe(build(problem), method, None, None)
-    outcome, residuals = minimise(nlp, 1e-12, 200, {}, None)
+    outcome, residuals = minimise(nlp, "ipopt", 1e-12, 200, {}, None, None)
     assert outcome.status is Status.SOLVED
     return extract(problem, nlp, outcome, residuals, {"tolerance": 1e-12}, 0.0)
 

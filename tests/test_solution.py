@@ -288,7 +288,7 @@ def test_a_maximised_cost_is_reported_in_the_sense_of_the_file(lq: str, model: B
     given = replace(model(lq), sense=-1)
     basis = ControlBasis(GENERATING_FUNCTIONS["hat"], 20, 1.0, True)
     nlp = transcribe(given, Discretization(Mesh.uniform(20), basis, SCHEMES["rk4"], 2), None, None)
-    outcome, found = minimise(nlp, 1e-10, 100, {}, None)
+    outcome, found = minimise(nlp, "ipopt", 1e-10, 100, {}, None, None)
     solution = extract(problem, nlp, outcome, found, {"tolerance": 1e-10}, 0.0)
     assert solution.cost == pytest.approx(-math.tanh(1) / 2, abs=1e-7)
     assert solution.evidence.recomputed_cost == pytest.approx(solution.cost, abs=1e-12)

@@ -21,6 +21,7 @@ from quito_cli.cli.plot import plot
 from quito_cli.cli.schema import schema
 from quito_cli.cli.show import show
 from quito_cli.cli.solve import solve
+from quito_cli.cli.solvers import solvers
 from quito_cli.errors import QuitoError
 
 app = typer.Typer(
@@ -60,6 +61,7 @@ app.command("new")(new)
 app.command("plot")(plot)
 app.command("generating-functions")(generating_functions)
 app.command("schema")(schema)
+app.command("solvers")(solvers)
 
 
 def main() -> None:

@@ -11,7 +11,7 @@ import typer
 from quito_cli.cli.text import columns, labelled, plain
 
 if TYPE_CHECKING:
-    from quito_cli.solution.solution import Solution
+    from quito_cli.solution.solution import Solution, Statistics
 
 _MOST_VIOLATIONS = 12
 
@@ -27,6 +27,9 @@ def as_dictionary(solution: Solution, result: Path | None, plot: Path | None) ->
         "success": solution.success,
         "cost": solution.cost,
         "reference_cost": solution.reference.cost if solution.reference else None,
+        "solver": statistics.solver,
+        "solver_said": statistics.solver_said,
+        "program": statistics.program,
         "iterations": statistics.iterations,
         "steps": solution.options["steps"],
         "build_seconds": statistics.build_seconds,
@@ -110,6 +113,7 @@ def _figures(solution: Solution) -> list[tuple[str, str]]:
         ("cost", _cost(solution)),
         ("iterations", times),
         ("method", _method(solution.options)),
+        ("program", _program(statistics)),
     ]
     if solution.origin.free_times:
         rows.append(("horizon", f"{solution.times[0]:.9g} to {solution.times[-1]:.9g}"))
@@ -162,6 +166,12 @@ def _method(options: Any) -> str:
     return f"{text}{options['generating_function']}, variance {options['variance']:g}{plain}"
 
 
+def _program(statistics: Statistics) -> str:
+    kind = "a quadratic program" if statistics.program == "QP" else "a nonlinear program"
+    sizes = f"{statistics.unknowns} unknowns, {statistics.constraints} constraints"
+    return f"{kind} of {sizes}, by {statistics.solver}"
+
+
 def _violation(solution: Solution) -> str:
     worst = [v for v in solution.evidence.violations if v.amount > 0]
     if not worst:
@@ -188,7 +198,6 @@ def _options(solution: Solution) -> list[tuple[str, str]]:
             for name, value in solution.options.items()
             if value is not None and value != {}
         ),
-        ("program", f"{statistics.unknowns} unknowns, {statistics.constraints} constraints"),
         ("solver", f"{statistics.solver}: {statistics.solver_said}"),
     ]
 

@@ -70,6 +70,13 @@ def solve(
     max_iterations: Annotated[
         int | None, typer.Option(help=f"Of the solver. [default: {Options.max_iterations}]")
     ] = None,
+    solver: Annotated[
+        str | None,
+        typer.Option(
+            help="One of `quito solvers`, or auto: a quadratic program's own solver where it is "
+            f"one. [default: {Options.solver}]"
+        ),
+    ] = None,
     objective_scale: Annotated[
         float | None,
         typer.Option(help="Factor of the cost in the solver. [default: by the cost's size]"),
@@ -86,9 +93,17 @@ def solve(
         Path | None,
         typer.Option(help="An earlier result to start from, whatever its mesh."),
     ] = None,
+    warm_start: Annotated[
+        bool,
+        typer.Option(
+            "--warm-start", help="With --guess: start from its multipliers and bounds, too."
+        ),
+    ] = False,
     solver_option: Annotated[
         list[str] | None,
-        typer.Option(metavar="KEY=VALUE", help="An option of IPOPT by its name; may be repeated."),
+        typer.Option(
+            metavar="KEY=VALUE", help="An option of the solver by its own name; may be repeated."
+        ),
     ] = None,
     settings: Annotated[
         list[str] | None,
@@ -134,9 +149,11 @@ def solve(
             substeps=substeps,
             tolerance=tolerance,
             max_iterations=max_iterations,
+            solver=solver,
             objective_scale=objective_scale,
             path_points=path_points,
             guess=guess,
+            warm_start=warm_start or None,
             solver_options=solver_options or None,
         )
     result = output / f"{loaded.name}.h5"

@@ -26,6 +26,29 @@ GeneratingFunctionName = Literal[
 ControlName = Literal["quasi-interpolant", "piecewise-constant", "piecewise-linear"]
 DiscretizationName = Literal["euler", "trapezoidal", "rk4", "hermite-simpson", "radau"]
 PathPointsName = Literal["nodes", "substeps"]
+SolverName = Literal[
+    "auto",
+    "ipopt",
+    "sqp-qrqp",
+    "sqp-qpoases",
+    "sqp-piqp",
+    "qrsqp",
+    "uno",
+    "sleqp",
+    "fatrop",
+    "scipy-slsqp",
+    "scipy-trust-constr",
+    "piqp",
+    "qrqp",
+    "qpoases",
+    "highs",
+    "osqp",
+    "knitro",
+    "snopt",
+    "worhp",
+    "madnlp",
+    "conopt",
+]
 
 _BY_NUMBER = dict(zip("123456", get_args(GeneratingFunctionName), strict=True))
 
@@ -64,6 +87,9 @@ class CommonOptions(BaseModel):
     """Tolerance of the solver on the scaled first-order conditions."""
     max_iterations: Annotated[int | None, Field(ge=0, strict=True)] = None
     """Iterations after which the solver gives up."""
+    solver: SolverName | None = None
+    """What solves the discretized problem, as listed by `quito solvers`; `auto` takes a solver of
+    quadratic programs for those."""
     path_points: PathPointsName | None = None
     """Where inequalities along the path hold: at nodes, or at all substep offsets; by default at
     the offsets for those that contain a control, at the nodes for those of states alone. An
@@ -151,6 +177,8 @@ class RequestedOptions(CommonOptions):
 
     objective_scale: Annotated[float | None, Field(gt=0)] = None
     """Factor of the cost in the nonlinear program; by default chosen from the cost's size."""
+    warm_start: bool | None = None
+    """Take the multipliers of the guess, an earlier result, too, and start at its bounds."""
 
 
 class FileOptions(CommonOptions):

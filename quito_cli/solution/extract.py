@@ -24,6 +24,7 @@ from quito_cli.solution.solution import (
     Statistics,
 )
 from quito_cli.solution.trajectory import Trajectory
+from quito_cli.solvers import SOLVERS, judged_at
 from quito_cli.solvers.outcome import Outcome
 from quito_cli.solvers.residuals import Residuals
 from quito_cli.transcription.transcribe import Nlp, Transcription
@@ -49,11 +50,13 @@ def extract(
         nlp: its discretization.
         outcome: the solver's point.
         residuals: recomputed at that point.
-        options: resolved options, for the record; `tolerance` is judged by.
+        options: resolved options, for the record; judged is by `tolerance`, or by what the solver
+            attains.
         build_seconds: time of everything before the solver was called.
     """
     answer = _answer(nlp, outcome)
     model, method = nlp.transcription.model, nlp.transcription.method
+    judged = judged_at(SOLVERS[outcome.solver], options["tolerance"])
     (start, end), cells = answer.times, method.mesh.cells
     dense = np.linspace(start, end, max(SAVED_POINTS, 4 * cells + 1))
     solution = Solution(
@@ -69,15 +72,16 @@ def extract(
         _costates(nlp, outcome),
         _multipliers(nlp, outcome),
         {b.name: MultiplierAxes(start + (end - start) * b.fractions, b.labels) for b in nlp.blocks},
-        evidence(nlp, outcome, residuals, answer, options["tolerance"]),
+        evidence(nlp, outcome, residuals, answer, judged),
         Statistics(
             outcome.iterations,
             build_seconds + outcome.build_seconds,
             outcome.solve_seconds,
             len(outcome.w),
             len(nlp.row_lower),
-            "ipopt",
+            outcome.solver,
             outcome.said,
+            "NLP" if nlp.nonlinearity else "QP",
         ),
         outcome.history,
         dense,

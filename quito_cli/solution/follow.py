@@ -8,10 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.errors import UsageError
-from quito_cli.problem.model import GuessFunction, Instant, Model, Variable
+from quito_cli.problem.model import GuessFunction, Instant, Model, Variable, labels
 from quito_cli.solution.solution import Quantity, Solution
+from quito_cli.solvers import Start, start_at
+from quito_cli.transcription.rows import Rows
+from quito_cli.transcription.transcribe import Nlp
 
 Array = NDArray[np.float64]
+
+ROUNDING = 1e-12
+"""Fraction of the horizon by which a saved node may differ from what it was."""
 
 
 def guided(model: Model, earlier: Solution) -> Model:
@@ -76,3 +82,44 @@ def _function(
         return otherwise
     columns = [names.index(label) for label in variable.labels]
     return lambda t: values(t)[:, columns]
+
+
+def resumed(nlp: Nlp, earlier: Solution) -> tuple[Nlp, Start]:
+    """Return `nlp`, whose guess is from `earlier`, with all else there is of it to start warm.
+
+    Coefficients are taken as they are where control and mesh are the same. Multipliers are found
+    by the names of their rows, and interpolated in time where the places differ.
+    """
+    made = nlp.transcription
+    method, first = made.method, made.layout.first_coefficient
+    guess = nlp.guess.copy()
+    names = [quantity.name for quantity in earlier.origin.controls]
+    same = method.basis == earlier.basis and names == list(labels(made.model.controls))
+    nodes = method.mesh.fractions
+    if same and np.allclose(nodes, earlier.mesh.fractions, rtol=0, atol=ROUNDING):
+        guess[first:] = earlier.coefficients.ravel() / nlp.unit[first:]
+    nlp = replace(nlp, guess=np.clip(guess, nlp.lower, nlp.upper))
+    lam_g = np.zeros(len(nlp.row_lower))
+    for block in nlp.blocks:
+        lam_g[block.rows] = _multipliers(block, earlier).ravel()
+    return nlp, start_at(nlp, lam_g * nlp.objective_scale / nlp.row_scale)
+
+
+def _multipliers(block: Rows, earlier: Solution) -> Array:
+    """Return the multipliers of a block's rows, (places, labels), unscaled; zero where unknown.
+
+    Those of the dynamics are costates; those of a path constraint are densities times the distance
+    of their places.
+    """
+    found = np.zeros(block.lower.shape)
+    if block.name not in earlier.multipliers:
+        return found
+    values, axes = earlier.multipliers[block.name], earlier.multiplier_axes[block.name]
+    start, end = earlier.times[0], earlier.times[-1]
+    places = (axes.times - start) / (end - start)
+    density = 1.0 if block.name == "dynamics" else len(places) / len(block.fractions)
+    for i, label in enumerate(block.labels):
+        if label in axes.labels:
+            column = values[:, axes.labels.index(label)]
+            found[:, i] = density * np.interp(block.fractions, places, column)
+    return found

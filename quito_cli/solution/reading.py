@@ -136,6 +136,7 @@ def _read_statistics(attributes: Mapping[str, Any]) -> Statistics:
         int(attributes["constraints"]),
         str(attributes["solver"]),
         str(attributes["solver_said"]),
+        str(attributes.get("program", "NLP")),
     )
 
 

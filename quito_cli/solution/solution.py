@@ -133,7 +133,10 @@ class Statistics:
     unknowns: int
     constraints: int
     solver: str
+    """The row of the table of solvers that ran."""
     solver_said: str
+    program: str
+    """`QP` where the nonlinear program is a quadratic one, else `NLP`."""
 
 
 @dataclass(frozen=True)

@@ -67,8 +67,8 @@ class Outcome:
     solve_seconds: float
     said: str
     """The solver's own word for its status."""
-    cost: float
-    """Of the minimisation, as the solver says."""
+    solver: str
+    """The row that ran."""
 
     def following(self, before: Outcome) -> Outcome:
         """Return this outcome with the counts, times and history of one that led to it."""

@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 
 JUDGED_AT = 10.0
 """An answer is a success where its residuals are within this many tolerances."""
+TOUCHING = 1e-6
+"""Scaled distance from a bound within which a value is at it."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,8 @@ class Residuals:
     complementarity: float
     violations: Array
     """(n_g,) by row."""
+    cost: float
+    """Of the minimisation, at that point."""
 
     @property
     def largest(self) -> float:
@@ -61,18 +65,26 @@ def _slackness(values: Array, lower: Array, upper: Array, multipliers: Array) ->
     return np.where(bounded, np.abs(multipliers * np.where(bounded, distance, 0.0)), 0.0)
 
 
+def at_its_bound(
+    values: Array, lower: Array, upper: Array, multipliers: Array
+) -> NDArray[np.bool_]:
+    """Return where a value is at the bound that its multiplier's sign speaks of."""
+    distance = np.where(multipliers > 0, upper - values, values - lower)
+    return np.asarray(np.abs(distance) <= TOUCHING)
+
+
 def residuals(nlp: Nlp, outcome: Outcome) -> Residuals:
     """Return the residuals of `outcome`, computed afresh from the nonlinear program."""
     assembled, w = nlp.assembled, outcome.w
-    gradient = np.array(assembled.gradient(w, [])[1]).ravel()
+    objective, slopes = assembled.gradient(w, [])
     rows, jacobian = assembled.jacobian(w, [])
     g = np.array(rows).ravel()
     lam_g = _of_bounds(outcome.lam_g, nlp.row_lower, nlp.row_upper)
     lam_w = _of_bounds(outcome.lam_w, nlp.lower, nlp.upper)
-    gradient = gradient + np.array(jacobian.T @ lam_g).ravel()
+    gradient = np.array(slopes).ravel() + np.array(jacobian.T @ lam_g).ravel()
     free = nlp.lower < nlp.upper
     multipliers = np.concatenate([lam_g, lam_w])
-    cost = float(assembled.gradient(w, [])[0]) / nlp.objective_scale
+    cost = float(objective) / nlp.objective_scale
     scale = max(100.0, float(np.mean(np.abs(multipliers)))) / 100.0
     scale *= min(1.0, nlp.objective_scale / (FAR_TOO_SMALL * wanted_scale(cost)))
     violations = _violation(g, nlp.row_lower, nlp.row_upper)
@@ -87,4 +99,5 @@ def residuals(nlp: Nlp, outcome: Outcome) -> Residuals:
         float(np.max(np.concatenate([violations, _violation(w, nlp.lower, nlp.upper)]))),
         float(np.max(slackness, initial=0.0)) / scale,
         violations,
+        cost,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ from quito_cli.transcription.guess import make_guess
 from quito_cli.transcription.layout import Layout
 from quito_cli.transcription.rows import Rows
 from quito_cli.transcription.scaling import unknown_scales
+from quito_cli.transcription.structure import nonlinearity
 from quito_cli.transcription.terms import Assembled, Term, assemble
 
 Array = NDArray[np.float64]
@@ -60,6 +62,8 @@ class Nlp:
     """Minimise objective subject to bounds on unknowns and rows; all in scaled units."""
 
     assembled: Assembled
+    terms: tuple[Term, ...]
+    """What `assembled` is the sum of."""
     lower: Array
     upper: Array
     guess: Array
@@ -75,6 +79,11 @@ class Nlp:
     notes: tuple[str, ...]
     """What a reader should know of how it was made."""
     transcription: Transcription
+
+    @cached_property
+    def nonlinearity(self) -> str | None:
+        """What keeps it from being a quadratic program, by name; None where it is one."""
+        return nonlinearity(self)
 
 
 def transcribe(
@@ -106,6 +115,7 @@ def transcribe(
     row_lower, row_upper, row_scale = program.book.gathered()
     return Nlp(
         assemble(terms, layout.size, row_scale),
+        terms,
         lower / unit,
         upper / unit,
         start,
