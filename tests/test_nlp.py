@@ -20,7 +20,7 @@ from quito_cli.transcription.cells import Discretization, PathPoints
 from quito_cli.transcription.control import ControlBasis
 from quito_cli.transcription.generating import GENERATING_FUNCTIONS
 from quito_cli.transcription.mesh import Mesh
-from quito_cli.transcription.schemes import SCHEMES, Scheme
+from quito_cli.transcription.schemes import SCHEMES, Scheme, Step
 from quito_cli.transcription.transcribe import Nlp, transcribe
 
 Array = NDArray[np.float64]
@@ -93,9 +93,9 @@ cost: {mayer: x}
 """
 
 
-def implicit(f: Any, x0: Any, x1: Any, own: Any, u: Any, t: Any, h: Any) -> tuple[Any, Any]:
+def implicit(step: Step) -> tuple[Any, Any]:
     """Hermite and Simpson, the state in the middle an unknown."""
-    (xm,) = own
+    f, x0, x1, (xm,), u, t, h = step
     (f0, q0), (fm, qm), (f1, q1) = f(x0, u[0], t), f(xm, u[1], t + h / 2), f(x1, u[2], t + h)
     middle = (x0 + x1) / 2 + h / 8 * (f0 - f1) - xm
     defect = x0 + h / 6 * (f0 + 4 * fm + f1) - x1

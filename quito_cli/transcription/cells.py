@@ -22,7 +22,7 @@ from quito_cli.transcription.control import ControlBasis
 from quito_cli.transcription.hermite import hermite
 from quito_cli.transcription.layout import Layout
 from quito_cli.transcription.mesh import Mesh
-from quito_cli.transcription.schemes import Scheme
+from quito_cli.transcription.schemes import Scheme, Step
 
 if TYPE_CHECKING:
     import casadi as ca
@@ -189,12 +189,13 @@ def _integrated(
     for j in range(substeps):
         u = [s.controls[_index(offsets, (j + c) / substeps)] for c in scheme.offsets]
         if scheme.explicit:
-            x, q = scheme.residual(f, x, ca.SX.zeros(model.n_x), [], u, start + j * h, h)
+            nothing = ca.SX.zeros(model.n_x)
+            x, q = scheme.residual(Step(f, x, nothing, (), u, start + j * h, h))
         else:
             after = s.x1 if j == substeps - 1 else s.own[j]
             first = substeps - 1 + j * scheme.own
             stages = s.own[first : first + scheme.own]
-            residual, q = scheme.residual(f, x, after, stages, u, start + j * h, h)
+            residual, q = scheme.residual(Step(f, x, after, stages, u, start + j * h, h))
             residuals.append(residual)
             x = after
         integrals += q

@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from quito_cli.errors import UsageError
 
@@ -31,19 +31,27 @@ Expression = Any
 RightHandSide = Callable[[Expression, Expression, Expression], tuple[Expression, Expression]]
 """(x, u, t) ↦ (ẋ, L)."""
 
-Residual = Callable[
-    [
-        RightHandSide,
-        Expression,
-        Expression,
-        Sequence[Expression],
-        Sequence[Expression],
-        Expression,
-        Expression,
-    ],
-    tuple[Expression, Expression],
-]
-"""(f, x₀, x₁, own unknowns, û at the offsets, t, h) ↦ (residual, quadrature)."""
+
+class Step(NamedTuple):
+    """One substep, symbolically."""
+
+    f: RightHandSide
+    x0: Expression
+    """State at its start."""
+    x1: Expression
+    """State at its end."""
+    own: Sequence[Expression]
+    """Unknowns of its own."""
+    u: Sequence[Expression]
+    """û at the offsets."""
+    t: Expression
+    """Time of its start."""
+    h: Expression
+    """Its length."""
+
+
+Residual = Callable[[Step], tuple[Expression, Expression]]
+"""Step ↦ (residual, quadrature)."""
 
 
 @dataclass(frozen=True)
@@ -63,30 +71,16 @@ class Scheme:
     residual: Residual
 
 
-def _euler(
-    f: RightHandSide,
-    x0: Expression,
-    x1: Expression,
-    own: Sequence[Expression],
-    u: Sequence[Expression],
-    t: Expression,
-    h: Expression,
-) -> tuple[Expression, Expression]:
+def _euler(step: Step) -> tuple[Expression, Expression]:
     """x₁ = x₀ + h f(x₀, u₀, t)."""
+    f, x0, x1, _, u, t, h = step
     k, q = f(x0, u[0], t)
     return x0 + h * k - x1, h * q
 
 
-def _rk4(
-    f: RightHandSide,
-    x0: Expression,
-    x1: Expression,
-    own: Sequence[Expression],
-    u: Sequence[Expression],
-    t: Expression,
-    h: Expression,
-) -> tuple[Expression, Expression]:
+def _rk4(step: Step) -> tuple[Expression, Expression]:
     """x₁ = x₀ + h (k₁ + 2k₂ + 2k₃ + k₄)/6, Kutta's classical scheme, û at the true stage times."""
+    f, x0, x1, _, u, t, h = step
     k1, q1 = f(x0, u[0], t)
     k2, q2 = f(x0 + h / 2 * k1, u[1], t + h / 2)
     k3, q3 = f(x0 + h / 2 * k2, u[1], t + h / 2)
@@ -94,35 +88,21 @@ def _rk4(
     return x0 + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4) - x1, h / 6 * (q1 + 2 * q2 + 2 * q3 + q4)
 
 
-def _trapezoidal(
-    f: RightHandSide,
-    x0: Expression,
-    x1: Expression,
-    own: Sequence[Expression],
-    u: Sequence[Expression],
-    t: Expression,
-    h: Expression,
-) -> tuple[Expression, Expression]:
+def _trapezoidal(step: Step) -> tuple[Expression, Expression]:
     """x₁ = x₀ + h (f₀ + f₁)/2, the trapezoidal rule."""
+    f, x0, x1, _, u, t, h = step
     f0, q0 = f(x0, u[0], t)
     f1, q1 = f(x1, u[1], t + h)
     return x0 + h / 2 * (f0 + f1) - x1, h / 2 * (q0 + q1)
 
 
-def _hermite_simpson(
-    f: RightHandSide,
-    x0: Expression,
-    x1: Expression,
-    own: Sequence[Expression],
-    u: Sequence[Expression],
-    t: Expression,
-    h: Expression,
-) -> tuple[Expression, Expression]:
+def _hermite_simpson(step: Step) -> tuple[Expression, Expression]:
     """x₁ = x₀ + h (f₀ + 4f_m + f₁)/6 with x_m = (x₀ + x₁)/2 + h (f₀ − f₁)/8.
 
     Simpson's rule on the cubic through both ends and their slopes: Hargraves and Paris, *J.
     Guidance* 10 (1987), in its compressed form, without the state in the middle as an unknown.
     """
+    f, x0, x1, _, u, t, h = step
     f0, q0 = f(x0, u[0], t)
     f1, q1 = f(x1, u[2], t + h)
     middle = (x0 + x1) / 2 + h / 8 * (f0 - f1)
@@ -139,20 +119,13 @@ _RADAU_A = (
 )
 
 
-def _radau(
-    f: RightHandSide,
-    x0: Expression,
-    x1: Expression,
-    own: Sequence[Expression],
-    u: Sequence[Expression],
-    t: Expression,
-    h: Expression,
-) -> tuple[Expression, Expression]:
+def _radau(step: Step) -> tuple[Expression, Expression]:
     """X_i = x₀ + h Σ_j a_ij f(X_j, u_j, t + c_j h), x₁ = X₃: Radau IIA with three stages.
 
     Hairer and Wanner, *Solving Ordinary Differential Equations II*, table IV.5.6. û at the start of
     the step takes no part: it is there for path constraints.
     """
+    f, x0, x1, own, u, t, h = step
     import casadi as ca
 
     stages = (*own, x1)
