@@ -25,7 +25,8 @@ _RUNS_AWAY = "The cost runs away with"
 _HINTS = {
     Status.INFEASIBLE: (
         "No trajectory was found that meets all conditions: loosen a bound or an end condition, or "
-        "give it more time; a problem with many local minima may need another start."
+        "give it more time; a problem with many local minima may need another start: a `guess` for "
+        "its states, or the result of an easier one (--set, then --guess)."
     ),
     Status.ITERATION_LIMIT: (
         "Raise --max-iterations, or loosen --tolerance; if the cost runs away it has no minimum: "
