@@ -165,6 +165,8 @@ OPTIONS: list[tuple[tuple[str, ...], str, Any]] = [
     (("--tolerance", "1e-6"), "tolerance", 1e-6),
     (("--max-iterations", "77"), "max_iterations", 77),
     (("--objective-scale", "3"), "objective_scale", 3.0),
+    (("--solver", "piqp"), "solver", "piqp"),
+    (("--solver", "uno"), "solver", "uno"),
     (
         ("--solver-option", "mu_strategy=adaptive", "--solver-option", "mu_init=1e-3"),
         "solver_options",
@@ -697,6 +699,9 @@ REFUSED_OPTIONS = {
     ("--solver-option", "no_such=1"): "no_such",
     ("--solver-option", "mu_strategy=fast"): "mu_strategy",
     ("--solver-option", "linear_solver=ma57"): "linear solver",
+    ("--solver", "ipot"): "did you mean 'ipopt'?",
+    ("--solver", "knitro"): "it needs an installation of Artelys Knitro with its licence",
+    ("--solver", "qpoases"): "solves quadratic programs, and this is none: the dynamics of",
 }
 
 

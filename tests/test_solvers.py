@@ -24,7 +24,17 @@ import quito_cli as quito
 from quito_cli.problem.load import load_text
 from quito_cli.problem.model import Model
 from quito_cli.selftest import PROBLEMS
-from quito_cli.solvers import SOLVERS, Backend, Outcome, Progress, Start, Status, child, minimise
+from quito_cli.solvers import (
+    SOLVERS,
+    Backend,
+    Outcome,
+    Progress,
+    Start,
+    Status,
+    availability,
+    child,
+    minimise,
+)
 from quito_cli.solvers.asking import Request, count_of, settings, status_of
 from quito_cli.solvers.availability import available
 from quito_cli.solvers.engines import ENGINES
@@ -85,9 +95,9 @@ def test_each_solves_the_linear_quadratic_problem(name: str, lq: str, solve: Sol
     assert found.statistics.program == "QP"
     assert found.options["solver"] == name
     assert found.cost == pytest.approx(math.tanh(1) / 2, abs=max(1e-8, 3 * row.accuracy))
-    t = np.linspace(0, 1, 101)
-    exact = np.sinh(1 - t) / math.cosh(1)
-    assert found.costate(t)[:, 0] == pytest.approx(exact, abs=1e-4)  # multipliers of rows too
+    exact = np.sinh(1 - found.times) / math.cosh(1)
+    accuracy = max(1e-6, 10 * row.accuracy)
+    assert found.costates[:, 0] == pytest.approx(exact, abs=accuracy)  # multipliers of rows too
     assert found.evidence.tolerance == max(1e-9, row.accuracy)
 
 
@@ -101,8 +111,8 @@ CASES = [
 
 @pytest.mark.parametrize(("name", "problem"), CASES)
 def test_each_finds_the_cost_that_ipopt_finds(name: str, problem: str, solve: Solve) -> None:
-    found = solve(problem, steps=30, solver=name, max_iterations=MANY.get(name, 1000))
-    usual = solve(problem, steps=30)
+    found = solve(problem, steps=40, solver=name, max_iterations=MANY.get(name, 1000))
+    usual = solve(problem, steps=40)
     assert found.success, found.statistics.solver_said
     accuracy = max(1e-8, 3 * SOLVERS[name].accuracy)
     assert found.cost == pytest.approx(usual.cost, rel=accuracy, abs=accuracy)
@@ -110,8 +120,10 @@ def test_each_finds_the_cost_that_ipopt_finds(name: str, problem: str, solve: So
 
 def test_failures_that_are_known_are_called_failures(solve: Solve) -> None:
     for name, problem in KNOWN_FAILURES:
-        found = solve(problem, steps=30, solver=name, max_iterations=200)
-        assert found.status is not Status.SOLVED or found.evidence.feasibility < 1e-5
+        if name in PRESENT:
+            found = solve(problem, steps=40, solver=name, max_iterations=200)
+            usual = solve(problem, steps=40)
+            assert not found.success or found.cost == pytest.approx(usual.cost, rel=1e-6)
 
 
 @pytest.mark.parametrize("name", PRESENT)
@@ -177,7 +189,7 @@ def test_an_unknown_solver_is_told_with_the_nearest_name() -> None:
 
 @pytest.mark.parametrize("name", PRESENT)
 def test_an_unknown_option_is_refused_by_name(name: str, lq: str) -> None:
-    with pytest.raises(quito.UsageError, match="no_such_option|refuses an option") as caught:
+    with pytest.raises(quito.UsageError, match=r"no_such_option|refuses an option") as caught:
         quito.solve(
             load_text(lq, "lq.yaml"), steps=5, solver=name, solver_options={"no_such_option": 1}
         )
@@ -222,6 +234,13 @@ def test_a_solver_that_is_not_here_is_named_with_what_provides_it(
     assert capfd.readouterr() == ("", "")
 
 
+def test_without_scipy_its_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(availability, "_found", lambda engine, _: engine != "scipy")
+    for name in ("scipy-slsqp", "scipy-trust-constr"):
+        with pytest.raises(quito.UnavailableError, match=r"pip install 'quito\[scipy\]'"):
+            quito.solve("bang_bang", steps=5, solver=name)
+
+
 def test_a_program_too_large_for_dense_algebra_is_refused() -> None:
     with pytest.raises(quito.UsageError, match="up to 1000 unknowns"):
         quito.solve("van_der_pol", steps=400, solver="scipy-slsqp")
@@ -246,12 +265,15 @@ def test_exact_derivatives_are_those_the_plug_in_uses(name: str, model: Build) -
     )
     names = [n for n in plain.get_function() if n in cached or "hess" in n or "jac" in n]
     assert names
+    for function, mine in given.items():
+        if function in cached:  # ours, not what the plug-in would have made
+            assert ours.get_function(function).n_instructions() == mine.n_instructions()
     w = nlp.guess + 0.1 * np.random.default_rng(3).normal(size=len(nlp.guess))
     lam = np.random.default_rng(4).normal(size=len(nlp.row_lower))
     for function in names:
-        arguments = (w, [], 0.7, lam) if "hess" in function else (w, [])
-        mine, theirs = (s.get_function(function).call(arguments) for s in (ours, plain))
-        for one, other in zip(mine, theirs, strict=True):
+        arguments: tuple[Any, ...] = (w, [], 0.7, lam) if "hess" in function else (w, [])
+        results = [s.get_function(function).call(arguments) for s in (ours, plain)]
+        for one, other in zip(*results, strict=True):
             expected = np.array(ca.DM(other))
             assert np.array(ca.DM(one)) == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
@@ -328,8 +350,7 @@ def test_an_answer_is_judged_at_what_its_solver_attains(
         ("bressan", "the dynamics of x3 is not linear"),
         ("minimum_time", "the horizon is free"),
         (CURVED_COST, "cost.lagrange is not quadratic"),
-        (CURVED_COST.replace("+ x^4", "").replace("}\n", ", mayer: x^3}\n", 5)[:0] or "", ""),
-    ][:7],
+    ],
 )
 def test_quadratic_programs_are_recognised(problem: str, why: str | None, model: Build) -> None:
     assert made(model(problem), 8).nonlinearity == why
@@ -496,7 +517,7 @@ def test_ctrl_c_stops_solvers_that_tell_of_their_iterations(name: str) -> None:
 def test_a_warm_start_takes_a_third_of_the_iterations(
     name: str, problem: str, tmp_path: Path
 ) -> None:
-    steps = 100 if name == "ipopt" else 25
+    steps = 100 if name == "ipopt" else 40
     cold = quito.solve(problem, steps=steps, solver=name)
     assert cold.success
     cold.save(tmp_path / "a.h5")
@@ -527,11 +548,10 @@ def test_multipliers_of_an_answer_are_those_it_is_resumed_with(model: Build) -> 
         found = quito.solve(problem, steps=30)
         nlp = made(guided(model(problem), found), 30)
         nlp, start = resumed(nlp, found)
-        judged = minimise_nothing(nlp, start)
-        assert judged < 1e-5, problem
+        assert residual_at(nlp, start) < 1e-4, problem
 
 
-def minimise_nothing(nlp: Nlp, start: Start) -> float:
+def residual_at(nlp: Nlp, start: Start) -> float:
     """The largest residual at the start itself."""
     from quito_cli.solvers.residuals import residuals
 

@@ -66,10 +66,8 @@ def refuse_unknown(row: Backend, given: Mapping[str, Any], known: tuple[str, ...
             raise UsageError(f"{row.name} has no option '{name}'{suggest(name, known)}")
 
 
-def refusal(row: Backend, printed: str, error: RuntimeError) -> UsageError:
+def refusal(row: Backend, reason: str) -> UsageError:
     """Return what to say of a solver that does not take its options."""
-    lines = [line.strip() for line in printed.splitlines() if line.strip()]
-    reason = lines[0] if lines else last_line(error)
     name = "IPOPT" if row.name == "ipopt" else row.name
     return UsageError(f"{name} refuses an option: {reason}")
 

@@ -49,6 +49,8 @@ def solve(program: Program, request: Request) -> Outcome:
                 point = solver(**data)
         except RuntimeError as error:
             failure, point = last_line(error), {}
+    if failure and "option" in failure.lower():
+        raise refusal(row, failure)
     solved = time.perf_counter()
     statistics = {} if failure else dict(solver.stats())
     status, said = (Status.FAILED, failure) if failure else status_of(row, statistics)
@@ -93,9 +95,8 @@ def _built(request: Request, data: dict[str, Any]) -> ca.Function:
         refuse_unknown(row, request.options, tuple(ca.conic_options(row.plugin)))
     shape = {"h": data["h"].sparsity(), "a": data["a"].sparsity()}
     options = {"print_time": False, "error_on_fail": False, **settings(request, warm=False)}
-    printed = io.StringIO()
     try:
-        with redirect_stdout(printed), redirect_stderr(printed):
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
             return ca.conic("quito", row.plugin, shape, options)
     except RuntimeError as error:
-        raise refusal(row, "", error) from None
+        raise refusal(row, last_line(error)) from None

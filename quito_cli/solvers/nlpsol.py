@@ -116,7 +116,8 @@ def _built(program: Program, request: Request, watch: Watch | None) -> ca.Functi
         with redirect_stdout(printed), redirect_stderr(printed):
             return ca.nlpsol("quito", row.plugin, program.values, options)
     except RuntimeError as error:
-        raise refusal(row, printed.getvalue(), error) from None
+        lines = [line.strip() for line in printed.getvalue().splitlines() if line.strip()]
+        raise refusal(row, lines[0] if lines else last_line(error)) from None
 
 
 def _names(row: Backend) -> tuple[str, ...]:
@@ -144,7 +145,7 @@ def _called(
             return solver(**arguments), None
     except RuntimeError as error:
         if "option" in last_line(error).lower():
-            raise refusal(request.backend, "", error) from None
+            raise refusal(request.backend, last_line(error)) from None
         zeros = np.zeros(len(program.guess)), np.zeros(len(program.row_lower))
         return {"x": program.guess, "lam_x": zeros[0], "lam_g": zeros[1]}, last_line(error)
 

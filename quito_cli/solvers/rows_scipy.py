@@ -13,7 +13,7 @@ ROWS = (
         "scipy",
         "SLSQP",
         "dense; quasi-Newton",
-        "quito[scipy]",
+        "SciPy (pip install 'quito[scipy]')",
         accuracy=1e-6,
         sharper=1e-8,  # ftol is of the change of f
         tolerances=("ftol",),
@@ -37,7 +37,7 @@ ROWS = (
         "scipy",
         "trust-constr",
         "sparse LU; exact Hessians",
-        "quito[scipy]",
+        "SciPy (pip install 'quito[scipy]')",
         accuracy=1e-6,
         tolerances=("gtol", "barrier_tol"),
         iterations="maxiter",

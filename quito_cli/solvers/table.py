@@ -4,13 +4,14 @@ Nothing here is a branch of an engine: `nlpsol`, `conic` and `scipy` read the ro
 because they were tried on the bundled problems and did not prove reliable:
 
 - bonmin: IPOPT in a frame for integers, of which there are none; its multipliers come back as NaN.
-- blocksqp: builds its own block Hessian and needs HSL's ma27; with `linsol: ldl` it stalls.
+- blocksqp: builds its own block Hessian, with HSL's ma27 or `linsol: ldl`; stops at residuals of
+  1e-3 even on a linear-quadratic problem.
 - alpaqa: stops at residuals of 1e-2 after a second on Van der Pol with 40 cells.
 - sqpmethod with osqp: first-order steps are too inexact for it; it does not end on Bryson-Denham
-  and raises on Van der Pol.
-- sqpmethod with highs: takes the process down. proxqp: calls Bryson-Denham infeasible.
-- daqp: returns zeros. ipqp: returns NaN. superscs: minutes. hpipm and fatrop as QP solvers: want
-  the block structure of a Riccati recursion, which a quasi-interpolated control does not have.
+  and raises on Van der Pol. With highs and daqp it takes no step, with proxqp it does not end.
+- proxqp itself calls Bryson-Denham infeasible; daqp returns zeros; ipqp returns NaN; superscs takes
+  minutes; hpipm, and fatrop as a QP solver, want the block structure of a Riccati recursion, which
+  a quasi-interpolated control does not have.
 - feasiblesqpmethod: wants a feasible start. scpgen, ampl: not made for a mapped program.
 """
 
