@@ -244,9 +244,10 @@ def control_basis(options: Options) -> ControlBasis:
         return ControlBasis(GENERATING_FUNCTIONS[classical], options.steps, 1.0, True)
     row = generating_function(options.generating_function)
     check_variance(row, options.variance)
+    basis = ControlBasis(row, options.steps, options.variance, options.normalised)
     seen = points_seen(scheme(options.discretization), options.substeps, options.steps)
     most = max(0, (seen - options.steps - 1) // 2)
-    return ControlBasis(row, options.steps, options.variance, options.normalised, most)
+    return basis if basis.ghosts <= most else replace(basis, most_ghosts=most)
 
 
 def control_warning(model: Model, basis: ControlBasis) -> str | None:
