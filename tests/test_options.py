@@ -272,3 +272,12 @@ def test_everything_on_the_list_is_an_option_of_ipopt() -> None:
             value = "no"
         solution = quito.solve(problem, steps=3, max_iterations=2, solver_options={name: value})
         assert solution.options["solver_options"] == {name: value}
+
+
+@pytest.mark.parametrize(
+    ("short", "row"),
+    [("sqpmethod", "sqp-qrqp"), ("scipy", "scipy-trust-constr"), ("fmincon", "scipy-trust-constr")],
+)
+def test_families_of_solvers_by_their_own_names(short: str, row: str) -> None:
+    assert Options.resolve(FileOptions(), {"solver": short}).solver == row
+    assert Options.resolve(FileOptions.model_validate({"solver": short}), {}).solver == row

@@ -58,6 +58,15 @@ def _name_of_number(value: Any) -> Any:
     return _BY_NUMBER.get(str(value), value)
 
 
+_SHORT = {"sqpmethod": "sqp-qrqp", "scipy": "scipy-trust-constr", "fmincon": "scipy-trust-constr"}
+"""What a family of solvers stands for when it is asked for by its own name."""
+
+
+def _solver_of(value: Any) -> Any:
+    """CasADi's, SciPy's and MATLAB's own names are understood too."""
+    return _SHORT.get(value, value) if isinstance(value, str) else value
+
+
 class CommonOptions(BaseModel):
     """What anyone may ask for, each with its meaning."""
 
@@ -87,7 +96,12 @@ class CommonOptions(BaseModel):
     """Tolerance of the solver on the scaled first-order conditions."""
     max_iterations: Annotated[int | None, Field(ge=0, strict=True)] = None
     """Iterations after which the solver gives up."""
-    solver: SolverName | None = None
+    solver: Annotated[
+        SolverName | None,
+        BeforeValidator(
+            _solver_of, json_schema_input_type=SolverName | Literal["sqpmethod", "scipy", "fmincon"]
+        ),
+    ] = None
     """What solves the discretized problem, as listed by `quito solvers`; `auto` takes a solver of
     quadratic programs for those."""
     path_points: PathPointsName | None = None
