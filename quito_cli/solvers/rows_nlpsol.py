@@ -204,7 +204,7 @@ ROWS = (
     ),
     Backend(
         "sleqp",
-        "sequential linear and equality constrained quadratic programming",
+        "active set by linear programs; two runs may differ, and some do not end",
         "NLP",
         "nlpsol",
         "sleqp",
