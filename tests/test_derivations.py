@@ -123,6 +123,9 @@ def test_closed_forms_of_the_file_are_what_is_derived(name: str, model: Build) -
         there = np.isfinite(stated)
         gap = np.abs(stated - values[away]) / scales(values)
         assert np.max(gap[there], initial=0.0) < 1e-8
+        for variable in variables:
+            functions_of = {**known(given).states, **known(given).controls}
+            assert there[:, variable.entries].all() == (variable.name in functions_of)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -317,8 +317,8 @@ def test_a_plan_is_drawn_with_its_obstacles_and_equal_units(solve: Solve) -> Non
     drawn = figure(solve(PLANS, steps=8), DEFAULT)
     plan, space = drawn.axes[-2:]
     assert plan.get_aspect() == 1.0
-    assert [type(patch).__name__ for patch in plan.patches] == ["Circle", "Circle", "Rectangle"]
-    bounds = plan.patches[2].get_bbox().extents  # type: ignore[attr-defined]
+    assert [type(patch).__name__ for patch in plan.patches] == ["Circle", "Rectangle"]
+    bounds = plan.patches[1].get_bbox().extents  # type: ignore[attr-defined]
     assert bounds == pytest.approx([0.45, 0.15, 0.55, 0.25])
     there, start, end = plan.lines[:3]
     assert start.get_xydata() == pytest.approx(np.zeros((1, 2)), abs=1e-7)
@@ -374,3 +374,48 @@ cost: {lagrange: (u - t)^2}
     assert [entry.get_text() for entry in legend.get_texts()] == [f"x[{i}]" for i in range(12)]
     costates = by_label(figure(solve(text, steps=6), ("costates",)))
     assert sorted(costates) == ["λ of x", "λ of y"]
+
+
+ODD = """
+time: {{initial: 0, final: 1}}
+states: {{x: {{initial: 0}}, v: {{initial: 1}}}}
+controls: {{u: {{lower: -1, upper: 1}}}}
+dynamics: {{x: v, v: u}}
+cost: {{lagrange: u^2}}
+plots: {{p: {plot}}}
+"""
+
+
+@pytest.mark.parametrize(
+    "plot",
+    [
+        "{curves: {a: ['log(-1 - x^2)', v]}, circles: [{centre: 0, radius: 1}]}",
+        "{curves: {a: ['exp(1000 + x)', v]}, circles: [{centre: 0, radius: 1}]}",
+        "{curves: {a: [x, v]}, circles: [{centre: 1, radius: 1e300}]}",
+        "{curves: {a: [x, v]}, circles: [{centre: [1e12, 0], radius: 1e12}]}",
+        "{curves: {a: ['1e300*x', v, u]}, spheres: [{centre: 0, radius: 1}]}",
+        "{curves: {a: [x, v, t]}, boxes: [{centre: 0, half: 1e300}], spheres: []}",
+    ],
+)
+def test_odd_plots_end_in_a_picture(plot: str, solve: Solve, tmp_path: Path) -> None:
+    draw(solve(ODD.format(plot=plot), steps=4), ("plan",), tmp_path / "odd.png")
+    assert (tmp_path / "odd.png").stat().st_size > 5000
+
+
+def test_obstacles_are_cut_at_the_frame(solve: Solve) -> None:
+    plot = "{curves: {a: [x, v]}, boxes: [{centre: [0.5, 0], half: [0.1, 50]}]}"
+    (axes,) = figure(solve(ODD.format(plot=plot), steps=4), ("plan",)).axes
+    (box,) = axes.patches
+    low, high = axes.get_ylim()
+    extents = box.get_bbox().extents  # type: ignore[attr-defined]
+    assert extents == pytest.approx([0.4, low, 0.6, high])
+    far = plot.replace("[0.5, 0]", "[90, 0]")
+    assert not figure(solve(ODD.format(plot=far), steps=4), ("plan",)).axes[0].patches
+
+
+def test_a_curve_may_be_called_as_it_likes(solve: Solve) -> None:
+    plot = "{curves: {_one: [x, v], two: ['2*x', v]}}"
+    (axes,) = figure(solve(ODD.format(plot=plot), steps=4), ("plan",)).axes
+    legend = axes.get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["_one", "two"]

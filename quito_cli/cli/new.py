@@ -37,6 +37,7 @@ def new(
 ) -> None:
     """Write a commented problem file to start from."""
     from quito_cli.cli.text import plain
+    from quito_cli.problem.library import bundled
     from quito_cli.solution.store import write_aside
 
     path = _path_of(name)
@@ -54,6 +55,8 @@ def new(
     typer.echo(f"Wrote {path}, {plain(what)}. Next:\n")
     for command in ("check", "solve"):
         typer.echo(f"  quito {command} {shlex.quote(shown)}")
+    if path.stem in bundled():
+        typer.echo(f"\nWithout its .yaml, {path.stem} is the bundled problem of that name.")
 
 
 def _path_of(name: str) -> Path:

@@ -25,27 +25,34 @@ def idle(problem: Problem, model: Model) -> Iterator[Complaint]:
     yield from _idle_cost(model)
 
 
+_ASIDE = ("title", "source", "description", "tags", "reference", "published", "options")
+"""Sections without formulas, or with names of their own."""
+_PROSE = ("unit", "description", "title", "labels", "method")
+"""Keys of a variable, a table or a plot that are text."""
+
+
 def _formulas(problem: Problem) -> Iterator[tuple[str, Any]]:
     """Every text of the problem that may be a formula, with the name it defines, or ''."""
     data = problem.model_dump(exclude_unset=True)
     own = ("constants", "expressions")
     for section, content in data.items():
-        if section in ("title", "source", "description", "reference", "published", "options"):
+        if section in _ASIDE:
             continue
         for name, value in content.items() if isinstance(content, dict) else ():
-            for text in _texts(value):
+            for text in _texts(value, () if section == "constraints" else _PROSE):
                 yield (name if section in own else ""), text
 
 
-def _texts(value: Any) -> Iterator[str]:
+def _texts(value: Any, prose: tuple[str, ...]) -> Iterator[str]:
     if isinstance(value, str):
         yield value
     elif isinstance(value, dict):
-        for inner in value.values():
-            yield from _texts(inner)
+        for key, inner in value.items():
+            if key not in prose:
+                yield from _texts(inner, prose)
     elif isinstance(value, list):
         for inner in value:
-            yield from _texts(inner)
+            yield from _texts(inner, prose)
 
 
 def _names_in(text: str) -> set[str]:
@@ -73,7 +80,7 @@ def _unused_names(problem: Problem) -> Iterator[Complaint]:
 def _in_reference(problem: Problem, name: str) -> bool:
     if problem.reference is None:
         return False
-    texts = _texts(problem.reference.model_dump(exclude_unset=True))
+    texts = _texts(problem.reference.model_dump(exclude_unset=True), ())
     return any(name in _names_in(text) for text in texts)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from typing import Any, Final, NamedTuple, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar, get_origin
 
 from quito_cli.problem.schema import Problem
 from quito_cli.problem.text.complaints import suggest
@@ -149,10 +149,15 @@ def at_place(table: Mapping[Place, Row], path: Path) -> Row | None:
 def known_keys(path: Path) -> list[str]:
     """Return the keys that the mapping holding `path` may have."""
     model: Any = Problem
+    named = False  # the step before led to a mapping by name: this one is no key of ours
     for step in path[:-1]:
-        if isinstance(step, str) and step in model.model_fields:
-            inner = _models_in(model.model_fields[step].annotation)
+        if not named and isinstance(step, str) and step in model.model_fields:
+            annotation = model.model_fields[step].annotation
+            inner = _models_in(annotation)
             model = inner[0] if inner else model
+            named = get_origin(annotation) is dict
+        else:
+            named = False
     return list(model.model_fields)
 
 

@@ -202,6 +202,7 @@ class _Reader:
         node = Node(_start(event), _end(event), None)
         self.refuse_properties(event)
         if isinstance(event, yaml.ScalarEvent):
+            self.refuse_nothing(event)
             node.written, node.style = event.value, event.style or ""
             node.data = event.value if node.style else _resolve(event.value)
         elif isinstance(event, yaml.CollectionStartEvent):
@@ -247,6 +248,7 @@ class _Reader:
         """The key that begins with an event, or None where it is refused."""
         if isinstance(event, yaml.ScalarEvent):
             self.refuse_properties(event)
+            self.refuse_nothing(event)
             if event.value or event.style:
                 return str(event.value)
             self.complain(_start(event), "a name is missing here: expected 'name: value'")
@@ -259,6 +261,11 @@ class _Reader:
         self.node(event, depth)
         self.refused -= 1
         return None
+
+    def refuse_nothing(self, event: yaml.ScalarEvent) -> None:
+        """Refuse the character that ends texts in many libraries."""
+        if "\0" in event.value:
+            self.complain(_start(event), r"the character \0 has no place in a text: remove it")
 
     def refuse_properties(self, event: yaml.Event) -> None:
         """Refuse what makes YAML more than data: aliases can grow without bound, tags run code."""
