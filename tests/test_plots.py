@@ -323,7 +323,9 @@ def test_a_plan_is_drawn_with_its_obstacles_and_equal_units(solve: Solve) -> Non
     there, start, end = plan.lines[:3]
     assert start.get_xydata() == pytest.approx(np.zeros((1, 2)), abs=1e-7)
     assert end.get_xydata() == pytest.approx(np.ones((1, 2)), abs=1e-7)
-    assert there.get_label() == "there"
+    legend = plan.get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["there", r"\$back\$"]
     low, high = plan.get_xlim()
     assert -0.5 < low < 0.0  # a far obstacle does not push the path aside
     assert 1.0 < high < 1.5
