@@ -320,7 +320,7 @@ def test_a_plan_is_drawn_with_its_obstacles_and_equal_units(solve: Solve) -> Non
     assert [type(patch).__name__ for patch in plan.patches] == ["Circle", "Rectangle"]
     bounds = plan.patches[1].get_bbox().extents  # type: ignore[attr-defined]
     assert bounds == pytest.approx([0.45, 0.15, 0.55, 0.25])
-    there, start, end = plan.lines[:3]
+    start, end = plan.lines[1:3]
     assert start.get_xydata() == pytest.approx(np.zeros((1, 2)), abs=1e-7)
     assert end.get_xydata() == pytest.approx(np.ones((1, 2)), abs=1e-7)
     legend = plan.get_legend()
