@@ -83,6 +83,8 @@ QUASI_INTERPOLANT_ONLY = ("variance", "generating_function", "normalised")
 """Options that mean nothing to the classical controls."""
 MESH_TOLERANCE = 1e-3
 """Error of the control, relative to its range, that a mesh is expected to reach."""
+SATURATION_LIMIT = MESH_TOLERANCE / 10
+"""Saturation of the control, relative to its range, above which there is a warning."""
 CLASSICAL_CONTROLS = {"piecewise-constant": "box", "piecewise-linear": "hat"}
 """Controls that are a generating function of their own."""
 
@@ -145,6 +147,8 @@ def solve(
         model, method, chosen, earlier if chosen.warm_start else None, listener
     )
     built += transcribed
+    doubt = control_warning(model, method.basis)
+    nlp = replace(nlp, notes=nlp.notes + ((doubt,) if doubt else ()))
     return extract(problem, nlp, outcome, residuals, asdict(chosen), built)
 
 
@@ -208,46 +212,63 @@ def _earlier(guess: str | Path | Solution | None) -> tuple[Solution | None, str 
     """Return an earlier answer to start from, and how it is recorded."""
     if guess is None:
         return None, None
+    from quito_cli.problem.load import refuse_problem
     from quito_cli.solution.solution import Solution
 
     if isinstance(guess, Solution):
         return guess, guess.origin.name
+    refuse_problem(guess, "start from")
     return Solution.load(guess), str(guess)
 
 
 def control_basis(options: Options) -> ControlBasis:
     """Return the control's functions on `options.steps` cells.
 
+    Where the scheme looks at û in too few points, ghosts that none of them could determine are left
+    out.
+
     Raises:
         UsageError: a variance too small for the generating function.
     """
+    from quito_cli.transcription.cells import points_seen
     from quito_cli.transcription.control import ControlBasis
     from quito_cli.transcription.generating import (
         GENERATING_FUNCTIONS,
         check_variance,
         generating_function,
     )
+    from quito_cli.transcription.schemes import scheme
 
     classical = CLASSICAL_CONTROLS.get(options.control)
     if classical is not None:
         return ControlBasis(GENERATING_FUNCTIONS[classical], options.steps, 1.0, True)
     row = generating_function(options.generating_function)
     check_variance(row, options.variance)
-    return ControlBasis(row, options.steps, options.variance, options.normalised)
+    seen = points_seen(scheme(options.discretization), options.substeps, options.steps)
+    most = max(0, (seen - options.steps - 1) // 2)
+    return ControlBasis(row, options.steps, options.variance, options.normalised, most)
+
+
+def control_warning(model: Model, basis: ControlBasis) -> str | None:
+    """Return what there is to say against a control's generating function and variance."""
+    from quito_cli.transcription.qualities import saturation_warning
+
+    bounds = model.control_bounds
+    return saturation_warning(basis, bounds.lower, bounds.upper, SATURATION_LIMIT)
 
 
 def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the given options, validated, without those that are None."""
     from pydantic import ValidationError
 
+    from quito_cli.problem.keys import option_hint
     from quito_cli.problem.options import RequestedOptions
-    from quito_cli.problem.text.complaints import suggest
-    from quito_cli.problem.validate import expected
+    from quito_cli.problem.wording import expected
 
     known = [f.name for f in fields(Options) if f.name != "guess"]
     for name in given:
         if name not in known:
-            raise UsageError(f"there is no option '{name}'{suggest(name, known)}")
+            raise UsageError(f"there is no option '{name}'{option_hint(name, known)}")
     present = {name: value for name, value in given.items() if value is not None}
     try:
         return RequestedOptions.model_validate(present).model_dump(exclude_none=True)

@@ -71,6 +71,19 @@ CASES: dict[str, tuple[str, tuple[str | int, ...] | None, str]] = {
         ("tables", "wind"),
         "the table 'wind' is used nowhere",
     ),
+    "cost of time alone": (
+        changed("lagrange: x^2 + u^2, mayer: y^2 => lagrange: t^2, mayer: t"),
+        ("cost",),
+        "the cost is the same whatever is done",
+    ),
+    "table that is too short": (
+        changed(
+            "tables: {wind: {x: [0, 0.5], y: [0, 1]}}",
+            "y: u - k*x => y: 'u - k*x + interpolate(t, wind)'",
+        ),
+        ("tables", "wind"),
+        "the table wind is read at 1, beyond its ends 0 and 0.5",
+    ),
     "expression": (
         changed("expressions: {energy: x^2}"),
         ("expressions", "energy"),

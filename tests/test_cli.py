@@ -37,7 +37,7 @@ from quito_cli.solvers.outcome import Status
 ROOT = Path(__file__).parent.parent
 ACCEPTED = ROOT / "tests" / "problems" / "accepted"
 BUNDLED = sorted(path.stem for path in (ROOT / "problems").glob("*.yaml"))
-COMMANDS = ("solve", "check", "list", "show", "new", "plot", "schema")
+COMMANDS = ("solve", "check", "list", "show", "new", "plot", "generating-functions", "schema")
 MAGIC = {"png": b"\x89PNG\r\n\x1a\n", "pdf": b"%PDF-", "svg": b"<?xml"}
 HEAVY = ("casadi", "h5py", "matplotlib", "numpy", "pydantic", "yaml")
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
@@ -526,6 +526,38 @@ def test_plot(quito_: Quito, tmp_path: Path, flags: tuple[str, ...], name: str) 
     assert quito_("plot", "results/push.h5", *flags, "--quiet") == Ran(0, "", "")
 
 
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("push.yaml",), "push.yaml is a problem file: solve it first, then plot results/push.h5"),
+        (
+            ("push",),
+            "there is no file push; push.yaml is a problem file: "
+            "solve it first, then plot results/push.h5",
+        ),
+        (("a.h5", "--format", "jpg"), "format: expected png, pdf or svg, got 'jpg'"),
+        (
+            ("a.h5", "-o", "b.png"),
+            "-o names a folder, and b.png looks like a file; "
+            "the files in it are named after the problem",
+        ),
+    ],
+)
+def test_plot_of_what_is_no_result(
+    quito_: Quito, tmp_path: Path, arguments: tuple[str, ...], said: str
+) -> None:
+    problem(tmp_path)
+    assert quito_("plot", *arguments) == Ran(2, "", f"quito: {said}\n")
+    assert written(tmp_path) == {"push.yaml"}
+
+
+def test_a_folder_that_is_named_like_a_file(quito_: Quito, tmp_path: Path) -> None:
+    (tmp_path / "runs.h5").mkdir()
+    ran = quito_("solve", problem(tmp_path), "-N", "5", "-q", "--no-plot", "-o", "runs.h5")
+    assert ran == Ran(0, "", "")
+    assert written(tmp_path) == {"push.yaml", "runs.h5/push.h5"}
+
+
 def test_plot_where_there_is_nothing_to_draw(quito_: Quito) -> None:
     quito_("solve", ACCEPTED / "no_controls.yaml", "-N", "6", "-q", "--no-plot")
     ran = quito_("plot", "results/no_controls.h5", "--controls")
@@ -617,7 +649,6 @@ def test_without_a_command_there_is_help(quito_: Quito) -> None:
         ("solve",),
         ("solve", "alychan", "--stepps", "4"),
         ("solve", "alychan", "-N", "many"),
-        ("solve", "alychan", "--format", "jpg"),
         ("plot",),
         ("show",),
         ("new",),
@@ -632,6 +663,22 @@ def test_a_wrong_command_line(quito_: Quito, tmp_path: Path, arguments: tuple[st
 
 REFUSED_OPTIONS = {
     ("-N", "0"): "steps: expected at least 1, got 0",
+    ("--format", "jpg"): "format: expected png, pdf or svg, got 'jpg'",
+    ("--path-points", "node"): (
+        "path-points: expected nodes or substeps, got 'node'; did you mean 'nodes'?"
+    ),
+    ("-o", "figs/a.png"): (
+        "-o names a folder, and figs/a.png looks like a file; the files in it are named after the "
+        "problem"
+    ),
+    ("-o", "res.h5"): (
+        "-o names a folder, and res.h5 looks like a file; the files in it are named after the "
+        "problem"
+    ),
+    ("--guess", "bang_bang"): (
+        "there is no file bang_bang; that is a bundled problem: solve it first, then start from "
+        "results/bang_bang.h5"
+    ),
     ("-N", "-5"): "steps: expected at least 1, got -5",
     ("--substeps", "0"): "substeps: expected at least 1, got 0",
     ("--variance", "-1"): "variance: expected a number above 0, got -1",
@@ -642,7 +689,9 @@ REFUSED_OPTIONS = {
     ("--max-iterations", "-1"): "max-iterations: expected at least 0, got -1",
     ("--objective-scale", "0"): "objective-scale: expected a number above 0, got 0",
     ("--generating-function", "gausian"): "did you mean 'gaussian'?",
-    ("--generating-function", "7"): "generating-function: expected gaussian, laguerre4",
+    ("--generating-function", "7"): "generating-function: expected gaussian, laguerre4, "
+    "laguerre6, hermite10, trigonometric or sech, or its number 1 to 6, got '7'",
+    ("--generating-function", "²"): "or its number 1 to 6, got '²'",
     ("--control", "piecewise_constant"): "did you mean 'piecewise-constant'?",
     ("--control", "piecewise-linea"): "did you mean 'piecewise-linear'?",
     ("--discretization", "rk5"): "did you mean 'rk4'?",

@@ -328,8 +328,13 @@ QUOTED = "quoted text is not allowed: an expression holds numbers, names and ope
 BRACES = "braces are not allowed: write ( ) to group and [ ] for a list"
 TERNARY = "there is no 'if ... else' here: write if_else(condition, a, b)"
 ATTRIBUTE = "'.' can only be a decimal point: names have no attributes here"
-LOOP = "is a Python keyword: there are no loops or comprehensions here"
-KEYWORD = "is a Python keyword and has no meaning here"
+LOOP = "cannot be a name, and there are no loops here"
+KEYWORD = "cannot be a name: write {0}_, say"
+PRIME = (
+    "a prime has no meaning here: a transpose is written transpose(...), "
+    "and a line of `dynamics` is the derivative itself"
+)
+INFINITY = "infinity stands alone, and only in bounds: write a large number instead, such as 1e3"
 PLACE = "a comparison can only stand in the condition of if_else"
 CONDITION = "the condition of if_else is a comparison, such as x > 0"
 TABLE = "interpolate(x, table) takes the name of a table here, and nothing else"
@@ -406,10 +411,10 @@ COMPLAINTS: dict[str, tuple[str, str]] = {
     "().__class__.__bases__": (ATTRIBUTE, "."),
     "a.real": (ATTRIBUTE, "."),
     "1..real": (ATTRIBUTE, "."),
-    "lambda: 0": (f"'lambda' {KEYWORD}", "lambda"),
-    "True + 1": (f"'True' {KEYWORD}", "True"),
-    "None": (f"'None' {KEYWORD}", "None"),
-    "a is a": (f"'is' {KEYWORD}", "is"),
+    "lambda: 0": (f"'lambda' {KEYWORD.format('lambda')}", "lambda"),
+    "True + 1": (f"'True' {KEYWORD.format('True')}", "True"),
+    "None": (f"'None' {KEYWORD.format('None')}", "None"),
+    "a is a": (f"'is' {KEYWORD.format('is')}", "is"),
     "[i for i in w]": (f"'for' {LOOP}", "for"),
     "a in w": (f"'in' {LOOP}", "in"),
     "{1: 2}": (BRACES, "{"),
@@ -446,7 +451,34 @@ COMPLAINTS: dict[str, tuple[str, str]] = {
     "e": ("unknown name 'e'", "e"),
     "sin": ("'sin' is a function: write sin(...)", "sin"),
     "final*2": ("'final' is a function: write final(...)", "final"),
-    "a(1)": ("'a' is not a function; write a*(...) for a product", "a"),
+    "a(1)": ("'a' is not a function; README.md lists the functions, under Expressions", "a"),
+    "foo()": ("'foo' is not a function; README.md lists the functions, under Expressions", "foo"),
+    "2*ln(a)": ("'ln' is not a function; write log(...)", "ln"),
+    "arctan(a)": ("'arctan' is not a function; write atan(...)", "arctan"),
+    "heaviside(a - 1)": (
+        "'heaviside' is not a function; write if_else(a - 1 >= 0, 1, 0)",
+        "heaviside",
+    ),
+    "deg2rad(30)": ("'deg2rad' is not a function; write 30*pi/180", "deg2rad"),
+    "deg2rad(a + 1)": ("'deg2rad' is not a function; write (a + 1)*pi/180", "deg2rad"),
+    "deg2rad()": ("'deg2rad' is not a function; write (...)*pi/180", "deg2rad"),
+    "integral(a^2)": (
+        "'integral' is not a function: `lagrange` and the constraints of kind `integral` are "
+        "integrated as they stand",
+        "integral",
+    ),
+    "np.sin(a)": ("names have no attributes here: write sin(...) without 'np.'", "."),
+    "np.arcsin(a)": ("names have no attributes here: write asin(...) without 'np.'", "."),
+    "2*math.pi": ("names have no attributes here: write pi without 'math.'", "."),
+    "|a|": ("an absolute value is written abs(...)", "|"),
+    "a + |a|": ("an absolute value is written abs(...)", "|"),
+    "2*||v||": ("the length of a vector is written norm(...)", "||"),
+    "sin(90\N{DEGREE SIGN})": ("angles are in radians: write 90*pi/180", "\N{DEGREE SIGN}"),
+    "\N{DEGREE SIGN}": ("angles are in radians: write ...*pi/180", "\N{DEGREE SIGN}"),
+    "a'": (PRIME, "'"),
+    "30 %": ("a percentage is written as a number, 30/100", "%"),
+    "max(a, -.inf)": (INFINITY, "."),
+    "\N{INFINITY}": (INFINITY, "\N{INFINITY}"),
     "1 + sine(a)": ("'sine' is not a function; did you mean 'sin'?", "sine"),
     "sin()": ("sin takes 1 argument, not 0", "sin()"),
     "1 + sin(1, 2)": ("sin takes 1 argument, not 2", "sin(1, 2)"),
@@ -626,9 +658,9 @@ def test_valid_name(name: str) -> None:
         ("initial", "'initial' is the name of a function"),
         ("sin", "'sin' is the name of a function"),
         ("interpolate", "'interpolate' is the name of a function"),
-        ("lambda", "'lambda' is a Python keyword"),
-        ("not", "'not' is a Python keyword"),
-        ("None", "'None' is a Python keyword"),
+        ("lambda", "'lambda' cannot be a name: write lambda_, say"),
+        ("not", "'not' cannot be a name: write not_, say"),
+        ("None", "'None' cannot be a name: write None_, say"),
         *[
             (
                 name,

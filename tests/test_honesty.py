@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import pickle
+from collections.abc import Callable
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.optimize import minimize
@@ -12,6 +14,9 @@ from scipy.optimize import minimize
 import quito_cli as quito
 from quito_cli.plots.figure import figure
 from quito_cli.problem.load import load_text
+from quito_cli.solution.kinks import corners
+
+Solve = Callable[..., quito.Solution]
 
 
 def solve(text: str, **options: Any) -> quito.Solution:
@@ -168,3 +173,75 @@ def test_solutions_travel_between_processes_and_are_short_in_print() -> None:
     again = pickle.loads(pickle.dumps(found))
     assert again.control(0.3) == found.control(0.3)
     assert len(repr(found)) < 120
+
+
+# Corners, and costs that run away
+
+
+def scalar_problem(dynamics: str, cost: str, control: str = "{lower: -1, upper: 1}") -> str:
+    return f"""
+time: {{initial: 0, final: 2}}
+states: {{x: {{initial: 1}}}}
+controls: {{u: {control}}}
+dynamics: {{x: "{dynamics}"}}
+cost: {cost}
+"""
+
+
+@pytest.mark.parametrize(
+    ("cost", "named"),
+    [
+        ("{lagrange: abs(x - 0.2) + abs(u)}", "cost.lagrange has a corner there: its abs"),
+        ("{lagrange: abs(x) + 0.1*u^2}", "cost.lagrange has a corner there: its abs"),
+    ],
+)
+def test_an_answer_on_a_corner_names_it(cost: str, named: str, solve: Solve) -> None:
+    found = solve(scalar_problem("u", cost), max_iterations=60)
+    assert not found.success
+    assert [sentence for sentence in found.evidence.diagnosis if sentence.startswith(named)]
+    assert any("sqrt(x^2 + 1e-6)" in sentence for sentence in found.evidence.diagnosis)
+
+
+def test_rounded_off_it_is_solved(solve: Solve) -> None:
+    """As the message says."""
+    cost = "{lagrange: sqrt((x - 0.2)^2 + 1e-6) + sqrt(u^2 + 1e-6)}"
+    assert solve(scalar_problem("u", cost)).success
+
+
+def test_a_cost_that_runs_away_names_what_grows(solve: Solve) -> None:
+    found = solve(scalar_problem("u", "{mayer: x}", "{}"), max_iterations=300)
+    assert not found.success
+    (sentence,) = (s for s in found.evidence.diagnosis if s.startswith("The cost runs away"))
+    assert "x and u" in sentence
+    assert not any("--max-iterations" in s for s in found.evidence.diagnosis)
+
+
+def test_corners_are_found_in_a_formula() -> None:
+    x, t = ca.SX.sym("x", 2), ca.SX.sym("t")
+    value = ca.vertcat(
+        ca.fabs(x[0] - t) + ca.fmin(x[1], 2), ca.if_else(x[0] > 1, x[1], t), ca.sin(x[0]) / t
+    )
+    function = ca.Function("f", [x, t], [value])
+    found = corners(function)
+    assert [name for name, _ in found] == ["abs", "min", "if_else"]
+    zero = ca.Function("zero", function.sx_in(), [argument for _, argument in found])
+    assert [float(v) for v in zero([3, 5], 0.5)] == [2.5, 3, -2]
+
+
+def test_a_table_that_ends_before_the_horizon_is_told(solve: Solve) -> None:
+    """Three of four hours are measured: 0 to 3, and the line goes on to 4."""
+    text = """
+time: {initial: 0, final: 4}
+tables: {heat: {x: [0, 1, 3], y: [1, 2, 4], method: linear}}
+states: {x: {initial: 1}}
+controls: {u: {}}
+dynamics: {x: "u + interpolate(t, heat)"}
+cost: {lagrange: u^2 + x^2}
+"""
+    (warning,) = (w for w in solve(text, steps=40).evidence.warnings if "table" in w)
+    assert "heat is read at 4, beyond its ends 0 and 3" in warning
+    enough = text.replace("[0, 1, 3]", "[0, 1, 4]")
+    assert not [w for w in solve(enough, steps=40).evidence.warnings if "table" in w]
+    by_state = text.replace("interpolate(t, heat)", "interpolate(x - 1, heat)")
+    (warning,) = (w for w in solve(by_state, steps=40).evidence.warnings if "table" in w)
+    assert "beyond its ends 0 and 3" in warning

@@ -657,7 +657,8 @@ def test_what_is_shown_cannot_steer_the_terminal(quito_: Quito, tmp_path: Path) 
 
 
 def run_in(folder: Path, *arguments: str) -> Ran:
-    out, err, code = io.StringIO(), io.StringIO(), 0
+    out, err = io.TextIOWrapper(io.BytesIO(), "utf-8", newline="\n"), io.StringIO()
+    code = 0
     before, here = sys.argv, Path.cwd()
     try:
         os.chdir(folder)
@@ -669,7 +670,9 @@ def run_in(folder: Path, *arguments: str) -> Ran:
     finally:
         sys.argv = before
         os.chdir(here)
-    return Ran(code, out.getvalue(), err.getvalue())
+    out.flush()
+    printed = out.buffer.getvalue()
+    return Ran(code, printed.decode(), err.getvalue())
 
 
 ARGUMENTS = st.one_of(

@@ -12,7 +12,15 @@ import pytest
 import quito_cli as quito
 from quito_cli.problem.build import build
 from quito_cli.problem.library import bundled, data_folder
-from quito_cli.problem.load import MAX_BYTES, changed, find, load, load_text, parse_settings
+from quito_cli.problem.load import (
+    MAX_BYTES,
+    changed,
+    find,
+    load,
+    load_text,
+    parse_settings,
+    refuse_problem,
+)
 from quito_cli.problem.model import Model, labels
 from quito_cli.problem.schema import Problem
 from quito_cli.problem.text.complaints import ProblemError
@@ -184,6 +192,58 @@ def test_no_such_problem(given: str, said: str) -> None:
     assert given in str(caught.value)
 
 
+@pytest.mark.parametrize("ending", [".yaml", ".yml"])
+def test_a_name_without_its_ending(
+    ending: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "sub").mkdir()
+    for where in ("pend", "sub/pend"):
+        (tmp_path / f"{where}{ending}").write_text(PUSH, encoding="utf-8")
+        with pytest.raises(quito.UsageError) as caught:
+            load(where)
+        assert str(caught.value) == f"there is no file {where}; did you mean {where}{ending}?"
+
+
+PROBLEMS_FOR_RESULTS = {
+    "boat.yaml": "boat.yaml is a problem file",
+    "boat": "there is no file boat; boat.yaml is a problem file",
+    "bressan": "there is no file bressan; that is a bundled problem",
+}
+
+
+@pytest.mark.parametrize("where", PROBLEMS_FOR_RESULTS)
+def test_a_problem_in_place_of_a_result(
+    where: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "boat.yaml").write_text(PUSH, encoding="utf-8")
+    said, result = PROBLEMS_FOR_RESULTS[where], f"results/{Path(where).stem}.h5"
+    with pytest.raises(quito.UsageError) as caught:
+        quito.solve("boat.yaml", steps=5, guess=where)
+    assert str(caught.value) == f"{said}: solve it first, then start from {result}"
+    (tmp_path / "results").mkdir()
+    (tmp_path / result).touch()
+    with pytest.raises(quito.UsageError) as caught:
+        refuse_problem(where, "plot")
+    assert str(caught.value) == f"{said}; did you mean {result}?"
+
+
+def test_what_may_be_a_result_is_not_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bressan").touch()
+    for where in ("bressan", "bressan.h5", "other", ".", "gone.yaml", "results/a.h5"):
+        refuse_problem(where, "plot")
+
+
+def test_a_result_in_place_of_a_problem(tmp_path: Path) -> None:
+    (tmp_path / "a.h5").write_bytes(b"\x89HDF\r\n\xff")
+    with pytest.raises(quito.UsageError, match="is a result; `quito show`"):
+        load(tmp_path / "a.h5")
+
+
 def test_what_is_no_text_or_too_long(tmp_path: Path) -> None:
     (tmp_path / "binary").write_bytes(b"\x89PNG\r\n\xff")
     with pytest.raises(quito.UsageError, match="is not text in UTF-8"):
@@ -269,9 +329,17 @@ def test_a_value_that_the_file_does_not_have_can_be_set() -> None:
         ("dynamics.x", "only time, states, controls, parameters, tables, constants can be set"),
         ("cost.lagrange", "only time, states, controls, parameters, tables, constants can be set"),
         (
-            "options.solver_options",
-            "only time, states, controls, parameters, tables, constants can be set",
+            "options.steps",
+            "only time, states, controls, parameters, tables, constants can be set; options of "
+            "the solve are given by name, such as --steps 100",
         ),
+        (
+            "constraints.path.a",
+            "only time, states, controls, parameters, tables, constants can be set; what else a "
+            "problem says is changed in its file",
+        ),
+        ("u.upper", "--set u.upper: did you mean controls.u.upper?"),
+        ("x.final.lower", "--set x.final.lower: did you mean states.x.final.lower?"),
         ("title.x", "only time, states, controls, parameters, tables, constants can be set"),
         ("", "no constant ''"),
         (".", "only time, states, controls, parameters, tables, constants can be set"),

@@ -191,6 +191,10 @@ def test_all_wrong_values_are_told_at_once() -> None:
 def test_an_unknown_option() -> None:
     with pytest.raises(quito.UsageError, match=r"no option 'step'; did you mean 'steps'"):
         resolve(step=3)
+    with pytest.raises(quito.UsageError, match=r"no option 'N'; did you mean 'steps'\?$"):
+        resolve(N=100)
+    with pytest.raises(quito.UsageError, match=r"no option 'D'; did you mean 'variance'\?$"):
+        resolve(D=2)
     with pytest.raises(quito.UsageError, match=r"no option 'colour'$"):
         quito.solve(load_text(PUSH, "push.yaml"), colour="red")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import re
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray
+from documents import code_spans, run
 
 import quito_cli as quito
-from quito_cli.cli.app import main
 from quito_cli.cli.solve import INTERRUPTED
 from quito_cli.errors import QuitoError
 from quito_cli.problem.language.functions import FUNCTIONS
@@ -23,7 +22,10 @@ from quito_cli.solve import Options
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-COMMANDS = ("solve", "check", "list", "show", "new", "plot", "solvers", "schema")
+COMMANDS = (
+    *("solve", "check", "list", "show", "new", "plot", "solvers", "generating-functions"),
+    "schema",
+)
 
 
 def marked(mark: str) -> str:
@@ -41,26 +43,12 @@ def section(title: str) -> str:
     return found[1]
 
 
-def code_spans() -> list[str]:
-    prose = re.sub(r"```.*?```", "", README, flags=re.DOTALL)
-    return [" ".join(span.split()) for span in re.findall(r"`([^`]+)`", prose)]
-
-
 @pytest.fixture(autouse=True)
 def garbage_is_collected() -> Iterator[None]:
     """A command turns the collector off for good; the tests have more to come."""
     yield
     gc.unfreeze()
     gc.enable()
-
-
-def run(arguments: list[str], monkeypatch: pytest.MonkeyPatch) -> int:
-    monkeypatch.setattr(sys, "argv", ["quito", *arguments])
-    try:
-        main()
-    except SystemExit as left:
-        return int(left.code or 0)
-    return 0
 
 
 # The example
@@ -147,7 +135,7 @@ def helps() -> dict[str, str]:
 
 def test_every_command_and_its_flags_are_there(helps: dict[str, str]) -> None:
     lines = marked("command: example").splitlines() + [
-        span for span in code_spans() if span.startswith("quito ")
+        span for span in code_spans(README) if span.startswith("quito ")
     ]
     found = set()
     for line in lines:
@@ -184,7 +172,7 @@ SENTENCES: list[tuple[str, dict[str, Any]]] = [
 def test_what_it_says_of_options_runs(
     words: str, options: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert words in code_spans()
+    assert words in code_spans(README)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "cart.yaml").write_text(marked("file: cart.yaml"), encoding="utf-8")
     few = [] if "-N" in words else ["-N", "6"]
@@ -193,7 +181,9 @@ def test_what_it_says_of_options_runs(
     assert {name: solution.options[name] for name in options} == options
 
 
-SETTINGS = [span.split()[1] for span in code_spans() if span.startswith("--set ") and "=" in span]
+SETTINGS = [
+    span.split()[1] for span in code_spans(README) if span.startswith("--set ") and "=" in span
+]
 
 
 @pytest.mark.parametrize("setting", [s for s in SETTINGS if s != "NAME=VALUE"])

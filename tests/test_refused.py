@@ -16,7 +16,7 @@ import pytest
 
 from quito_cli.cli.app import main
 from quito_cli.problem.build import build
-from quito_cli.problem.load import load
+from quito_cli.problem.load import load, load_text
 from quito_cli.problem.text.complaints import ProblemError
 
 REFUSED = Path(__file__).parent / "problems" / "refused"
@@ -24,7 +24,7 @@ FILES = sorted(REFUSED.glob("*.yaml"))
 _HEAD = re.compile(r"(?P<file>[\w.]+):(?P<line>\d+):(?P<column>\d+): (?P<message>.+)")
 _EXCERPT = re.compile(r" *(?P<line>\d+) \| ?(?P<text>.*)")
 _CARET = re.compile(r" *\| (?P<blank> *)(?P<underline>\^~*)")
-_NAMED = re.compile(r"(?:unknown (?:name|key)|duplicate key|there is no \w+) '(?P<name>[^']+)'")
+_NAMED = re.compile(r"(?:unknown (?:name|key)|duplicate key|there is no \w+) '(?P<name>[^']+'?)'")
 
 refused = pytest.mark.parametrize("file", FILES, ids=lambda path: path.stem)
 
@@ -101,6 +101,46 @@ def test_expected_message_is_sound(file: Path) -> None:
             assert len(caret["underline"]) == len(named["name"])
     assert places
     assert places == sorted(places)
+
+
+SECTIONS = {
+    "constants": "{k: 2}",
+    "time": "{initial: 0, final: 2}",
+    "states": "{x: {initial: 0, final: 1}}",
+    "controls": "{u: {}}",
+    "parameters": "{p: {lower: 0, upper: 1}}",
+    "tables": "{wind: {x: [0, 1], y: [1, 2]}}",
+    "expressions": "{f: k*x}",
+    "dynamics": "{x: sinus(u)}",
+    "cost": "{lagrange: u^2}",
+    "constraints": "{path: {limit: p*f <= 1 +}, point: {gate: {at: 1.5, holds: u <= 1}}}",
+    "plots": "{plan: {curves: {boat: [x, u]}}}",
+    "reference": "{state: {x: t}, control: {u: [{until: 0.5, value: 1}, {value: 2}]}}",
+    "published": "[{tool: another}]",
+    "tags": "[smooth]",
+    "options": "{steps: 10}",
+}
+IN_SECTIONS = {
+    "dynamics": "'sinus' is not a function; did you mean 'sin'?",
+    "constraints": "something is missing after '+'",
+}
+
+
+@pytest.mark.parametrize("value", ["T", "[T]", "3", "", "[[T]]", "[{T: 1}]"])
+@pytest.mark.parametrize("section", SECTIONS)
+def test_a_section_that_is_none_hides_no_mistake_elsewhere(section: str, value: str) -> None:
+    written = {**SECTIONS, section: value}
+    text = "".join(f"{name}: {said}\n" for name, said in written.items())
+    with pytest.raises(ProblemError) as caught:
+        build(load_text(text, "test.yaml"))
+    line = list(SECTIONS).index(section) + 1
+    told = {c.position.line: c.message for c in caught.value.complaints if c.position}
+    for other, message in IN_SECTIONS.items():
+        if other != section:
+            assert told.pop(list(SECTIONS).index(other) + 1) == message
+    for key in ("unknown name", "there is no", "is outside", "are missing"):
+        assert not any(key in message for at, message in told.items() if at != line), told
+    assert set(told) <= {line}
 
 
 def test_every_file_has_its_message_and_no_other() -> None:

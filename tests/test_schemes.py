@@ -52,37 +52,18 @@ cost: {lagrange: 0.5*(x1^2 + x2^2 + u^2)}
 """
 
 
-def trapezoidal(f: Any, x0: Any, x1: Any, own: Any, u: Any, t: Any, h: Any) -> tuple[Any, Any]:
-    """x₁ = x₀ + h (f₀ + f₁)/2."""
-    assert not own
-    f0, q0 = f(x0, u[0], t)
-    f1, q1 = f(x1, u[1], t + h)
-    return x0 + h / 2 * (f0 + f1) - x1, h / 2 * (q0 + q1)
-
-
-def hermite_simpson(f: Any, x0: Any, x1: Any, own: Any, u: Any, t: Any, h: Any) -> tuple[Any, Any]:
-    """Separated form: the state in the middle is an unknown of its own; the defect stands last."""
-    import casadi as ca
-
-    (xm,) = own
-    f0, q0 = f(x0, u[0], t)
-    fm, qm = f(xm, u[1], t + h / 2)
-    f1, q1 = f(x1, u[2], t + h)
-    middle = (x0 + x1) / 2 + h / 8 * (f0 - f1) - xm
-    return (
-        ca.vertcat(middle, x0 + h / 6 * (f0 + 4 * fm + f1) - x1),
-        h / 6 * (q0 + 4 * qm + q1),
-    )
-
-
-IMPLICIT = {
-    "trapezoidal": Scheme(
-        "trapezoidal", "trapezoidal rule", 2, (0.0, 1.0), 0, False, "cubic", trapezoidal
-    ),
-    "hermite-simpson": Scheme(
-        "hermite-simpson", "separated", 4, (0.0, 0.5, 1.0), 1, False, "cubic", hermite_simpson
-    ),
-}
+STIFF = """
+title: A state that is drawn to cos t a thousand times faster than the horizon
+constants: {rate: 1000}
+time: {initial: 0, final: 1}
+states: {x: {initial: 2}}
+controls: {u: {}}
+dynamics: {x: -rate*(x - cos(t)) - sin(t) + u}
+cost: {lagrange: (x - cos(t))^2 + u^2}
+"""
+"""e = x − cos t has e' = −rate e + u, and V = e²/(rate + √(rate² + 1)) but for e^(−2 rate)."""
+ORDERS = {"euler": 1, "trapezoidal": 2, "rk4": 4, "hermite-simpson": 4, "radau": 5}
+IMPLICIT = ("trapezoidal", "hermite-simpson", "radau")
 
 
 def solved(
@@ -106,14 +87,17 @@ def observed(measure: Callable[[int], float], sizes: tuple[int, ...] = SIZES) ->
     return orders([measure(cells) for cells in sizes])
 
 
+def few(order: int) -> tuple[int, int]:
+    """Two numbers of cells, few enough that rounding does not show."""
+    return (6, 12) if order > 4 else (12, 24)
+
+
 # The table
 
 
 def test_the_table() -> None:
-    assert {name: row.order for name, row in SCHEMES.items()}.items() >= {
-        "euler": 1,
-        "rk4": 4,
-    }.items()
+    assert {name: row.order for name, row in SCHEMES.items()} == ORDERS
+    assert [name for name, row in SCHEMES.items() if not row.explicit] == list(IMPLICIT)
     assert scheme("rk4") is SCHEMES["rk4"]
     for row in SCHEMES.values():
         assert list(row.offsets) == sorted(row.offsets)
@@ -134,6 +118,8 @@ def test_an_unknown_scheme_is_refused_with_the_list() -> None:
         ("rk4", 1, [0, 1 / 2, 1]),
         ("rk4", 2, [0, 1 / 4, 1 / 2, 3 / 4, 1]),
         ("rk4", 3, [0, 1 / 6, 1 / 3, 1 / 2, 2 / 3, 5 / 6, 1]),
+        ("trapezoidal", 2, [0, 1 / 2, 1]),
+        ("radau", 1, [0, 0.4 - 0.06**0.5, 0.4 + 0.06**0.5, 1]),
     ],
 )
 def test_the_offsets_of_the_substeps(name: str, substeps: int, expected: list[float]) -> None:
@@ -146,7 +132,7 @@ def test_the_offsets_of_the_substeps(name: str, substeps: int, expected: list[fl
 
 
 @pytest.mark.parametrize("substeps", [1, 2, 3])
-@pytest.mark.parametrize(("name", "order"), [("euler", 1), ("rk4", 4)])
+@pytest.mark.parametrize(("name", "order"), ORDERS.items())
 def test_order_of_the_integrator_by_itself(
     name: str, order: int, substeps: int, solve: Any
 ) -> None:
@@ -168,7 +154,7 @@ def test_order_of_the_integrator_by_itself(
     assert observed(cost_error)[-1] == pytest.approx(order, abs=0.25)
 
 
-@pytest.mark.parametrize("name", ["euler", "rk4"])
+@pytest.mark.parametrize("name", ORDERS)
 def test_substeps_are_steps(name: str, solve: Any) -> None:
     """With the control held, 3 substeps in 10 cells are 30 cells of one."""
     few = solve(GROWTH, steps=10, discretization=name, substeps=3)
@@ -179,7 +165,7 @@ def test_substeps_are_steps(name: str, solve: Any) -> None:
 
 
 @pytest.mark.parametrize("substeps", [1, 2, 3])
-@pytest.mark.parametrize(("name", "order"), [("euler", 1), ("rk4", 4)])
+@pytest.mark.parametrize(("name", "order"), ORDERS.items())
 def test_the_control_is_taken_at_the_true_stage_times(
     name: str, order: int, substeps: int, solve: Any
 ) -> None:
@@ -201,10 +187,10 @@ def test_the_control_is_taken_at_the_true_stage_times(
         exact = np.exp(t**2 / 2 - t)
         return float(np.abs(found.trajectory(t)[:, 0] - exact).max())
 
-    assert observed(error)[-1] == pytest.approx(order, abs=0.25)
+    assert observed(error, few(order))[-1] == pytest.approx(order, abs=0.3)
 
 
-@pytest.mark.parametrize("name", ["euler", "rk4"])
+@pytest.mark.parametrize("name", ORDERS)
 def test_the_order_on_a_graded_mesh(name: str) -> None:
     """Nodes at τ²: steps that differ from cell to cell, one formula of t for all."""
 
@@ -243,12 +229,81 @@ def test_the_optimal_cost_converges_with_order_four(
     assert abs(answer(32).cost - math.tanh(1) / 2) < 1e-8
 
 
-def test_euler_converges_with_order_one_in_the_optimal_cost(lq: str, solve: Any) -> None:
-    def cost_error(cells: int) -> float:
-        found = solve(lq, steps=cells, discretization="euler", tolerance=1e-12)
-        return float(abs(found.cost - math.tanh(1) / 2))
+@pytest.mark.parametrize("substeps", [1, 2])
+@pytest.mark.parametrize(("name", "order"), ORDERS.items())
+def test_orders_of_a_whole_optimisation(
+    name: str, order: int, substeps: int, lq: str, solve: Any
+) -> None:
+    """Cost and costates have the scheme's order, and the control in the inner half.
 
-    assert observed(cost_error) == pytest.approx(1, abs=0.1)
+    In the first and last cells the control has an order or two less: a trapezoidal rule, for one,
+    weighs the first value of û by the costate half a step later. States feel that in their last
+    digits where coefficients reach over several cells, and not with hats.
+    """
+
+    def answer(cells: int, control: str) -> quito.Solution:
+        options = {"steps": cells, "substeps": substeps, "discretization": name}
+        found: quito.Solution = solve(lq, tolerance=1e-12, control=control, **options)
+        return found
+
+    def cost(cells: int) -> float:
+        return abs(answer(cells, "quasi-interpolant").cost - math.tanh(1) / 2)
+
+    def costate(cells: int) -> float:
+        found = answer(cells, "quasi-interpolant")
+        exact = np.sinh(1 - found.times) / math.cosh(1)
+        return float(np.abs(found.costates[:, 0] - exact).max())
+
+    def control(cells: int) -> float:
+        t = np.linspace(0.25, 0.75, 501)
+        error = answer(cells, "quasi-interpolant").control(t)[:, 0] + np.sinh(1 - t) / math.cosh(1)
+        return float(np.abs(error).max())
+
+    def state(cells: int) -> float:
+        found = answer(cells, "piecewise-linear")
+        exact = np.cosh(1 - found.times) / math.cosh(1)
+        return float(np.abs(found.state(found.times)[:, 0] - exact).max())
+
+    assert observed(cost, few(order))[-1] == pytest.approx(order, abs=0.25)
+    assert observed(costate, (12, 24))[-1] == pytest.approx(order, abs=0.6 if order > 4 else 0.25)
+    sizes, least = ((12, 24), 3) if order > 4 else ((24, 48), order)  # rounding is near
+    assert observed(control, sizes)[-1] > least - 0.65
+    assert observed(state, (12, 24))[-1] == pytest.approx(min(order, 4), abs=0.4)
+
+
+@pytest.mark.parametrize("name", ORDERS)
+def test_few_points_determine_few_ghosts(name: str, lq: str, solve: Any) -> None:
+    """No coefficient is left to chance: none is far from the control's values."""
+    for substeps in (1, 2):
+        found = solve(lq, steps=12, substeps=substeps, discretization=name, tolerance=1e-12)
+        assert found.success
+        assert np.abs(found.coefficients).max() < 60
+
+
+# Stiff dynamics
+
+
+def test_stiff_dynamics_need_an_l_stable_scheme(solve: Any) -> None:
+    """Steps ten times longer than the fast time scale: rk4 explodes, the trapezoidal rule rings."""
+    rate = 1000
+    exact = 1 / (rate + math.sqrt(rate**2 + 1))
+    t = np.linspace(0.1, 1, 500)
+
+    def answer(name: str, steps: int = 50) -> quito.Solution:
+        found: quito.Solution = solve(STIFF, steps=steps, discretization=name)
+        return found
+
+    def error(name: str) -> float:
+        return float(np.abs(answer(name).state(t)[:, 0] - np.cos(t)).max())
+
+    assert answer("radau").success
+    assert error("radau") < 1e-8
+    assert abs(answer("radau").cost - exact) < 0.5 * exact
+    assert answer("radau").evidence.resimulated_cost == pytest.approx(exact, rel=0.05)
+    assert error("trapezoidal") > 1e-2  # it rings
+    assert abs(answer("trapezoidal").cost - exact) > 10 * exact
+    assert abs(answer("rk4").cost - exact) > 1e5 * exact
+    assert answer("radau", 200).cost == pytest.approx(exact, rel=1e-2)
 
 
 def test_piecewise_constant_controls_limit_the_order_to_two(lq: str, solve: Any) -> None:
@@ -299,65 +354,41 @@ def test_the_cost_of_a_nonlinear_problem_converges_with_order_four(solve: Any) -
     assert fine.control(t)[:, 0] == pytest.approx(-curve(t)[3], abs=1e-5)
 
 
-# Implicit schemes: private rows through the same transcription
-
-
-@pytest.mark.parametrize("substeps", [1, 2, 3])
-@pytest.mark.parametrize("name", IMPLICIT)
-def test_an_implicit_scheme_integrates_with_its_order(name: str, substeps: int) -> None:
-    row = IMPLICIT[name]
-    answers = {n: solved(GROWTH, n, row, substeps, "box") for n in (6, 12, 24)}
-
-    def state_error(cells: int) -> float:
-        found = answers[cells].trajectory
-        return float(np.abs(found.states[:, 0] - np.exp(np.sin(found.times))).max())
-
-    def cost_error(cells: int) -> float:
-        return abs(answers[cells].cost - math.expm1(math.sin(2)))
-
-    assert observed(state_error, (6, 12, 24))[-1] == pytest.approx(row.order, abs=0.3)
-    assert observed(cost_error, (6, 12, 24))[-1] == pytest.approx(row.order, abs=0.3)
-
-
-@pytest.mark.parametrize(
-    ("name", "function", "substeps"),
-    [
-        (name, function, substeps)
-        for name in IMPLICIT
-        for function in ("gaussian", "hat")
-        for substeps in (1, 2, 3)
-        # The ends of a cell alone do not determine as many coefficients as there are.
-        if (name, function, substeps) != ("trapezoidal", "gaussian", 1)
-    ],
-)
-def test_an_implicit_scheme_optimises_with_its_order(
-    name: str, function: str, substeps: int, lq: str
-) -> None:
-    row = IMPLICIT[name]
-    answers = {n: solved(lq, n, row, substeps, function) for n in (6, 12, 24)}
-    exact = math.tanh(1) / 2
-    found = observed(lambda cells: abs(answers[cells].cost - exact), (6, 12, 24))
-    assert found == pytest.approx(row.order, abs=0.35)
-    fine = answers[24]
-    t = fine.trajectory.times
-    assert len(t) == 24 * substeps + 1
-    assert fine.state(t)[:, 0] == pytest.approx(np.cosh(1 - t) / math.cosh(1), abs=5e-4)
-    assert fine.evidence.resimulation_gap < 1e-3
-    # Multipliers of implicit defects are costates to first order in the step only.
-    costate = np.sinh(1 - fine.times) / math.cosh(1)
-    assert fine.costates[:, 0] == pytest.approx(costate, abs=1 / 24 / substeps)
-    assert fine.costates[0, 0] == pytest.approx(math.tanh(1), abs=1e-3)
+# Implicit schemes
 
 
 @pytest.mark.parametrize("name", IMPLICIT)
 def test_an_implicit_scheme_on_a_graded_mesh_with_several_states(name: str) -> None:
     cost, curve = extremal()
     mesh = Mesh(np.linspace(0, 1, 31) ** 1.5)
-    found = solved(NONLINEAR, 30, IMPLICIT[name], 3, "gaussian", mesh)
-    assert found.cost == pytest.approx(cost, abs=1e-6 if name == "hermite-simpson" else 2e-3)
+    found = solved(NONLINEAR, 30, SCHEMES[name], 3, "gaussian", mesh)
+    assert len(found.trajectory.times) == 30 * 3 + 1
+    limit = 2e-3 if name == "trapezoidal" else 1e-5
+    assert found.cost == pytest.approx(cost, abs=limit / 10 if limit < 1e-3 else limit)
     t = found.trajectory.times
-    limit = 1e-5 if name == "hermite-simpson" else 2e-3
     assert found.state(t) == pytest.approx(curve(t)[:2].T, abs=limit)
+    t = found.times
+    assert found.costates == pytest.approx(curve(t)[2:4].T, abs=limit)
+
+
+CEILING = """
+time: {initial: 0, final: 1}
+states: {x1: {initial: 0, final: 0}, x2: {initial: 1, final: -1}}
+controls: {u: {}}
+dynamics: {x1: x2, x2: u}
+cost: {lagrange: 0.5*u^2}
+constraints: {path: {ceiling: x1 <= 1/9, effort: u*x2 <= 10}}
+"""
+
+
+@pytest.mark.parametrize("name", IMPLICIT)
+@pytest.mark.parametrize("path_points", ["nodes", "substeps"])
+def test_path_constraints_with_an_implicit_scheme(name: str, path_points: str, solve: Any) -> None:
+    """Bryson and Denham's problem, its bound as a constraint: between the ends of steps too."""
+    found = solve(CEILING, steps=60, discretization=name, path_points=path_points)
+    assert found.success
+    assert found.cost == pytest.approx(4, abs=2e-2 if name == "trapezoidal" else 5e-4)
+    assert found.evidence.maximum_violation < 1e-3
 
 
 # What one substep does to a control that the integrator does not resolve

@@ -693,3 +693,13 @@ def test_a_built_model_is_what_was_solved(model: Build) -> None:
     )
     assert one.cost == other.cost
     assert build(quito.load("bang_bang")).n_x == model("bang_bang").n_x == 1
+
+
+def test_a_control_that_rings_is_told(solve: Solve) -> None:
+    """Catalyst mixing with one substep, at a tolerance that lets it."""
+    loud = solve("catalyst_mixing", substeps=1, tolerance=1e-12)
+    assert loud.evidence.ringing[0] > 100
+    (warning,) = (w for w in loud.evidence.warnings if w.startswith("u rings"))
+    assert "--substeps" in warning
+    calm = solve("catalyst_mixing", tolerance=1e-12)
+    assert not [w for w in calm.evidence.warnings if "rings" in w]

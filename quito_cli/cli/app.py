@@ -14,6 +14,7 @@ import typer
 
 from quito_cli import __version__
 from quito_cli.cli.check import check
+from quito_cli.cli.generating_functions import generating_functions
 from quito_cli.cli.list import list_problems
 from quito_cli.cli.new import new
 from quito_cli.cli.plot import plot
@@ -58,6 +59,7 @@ app.command("list")(list_problems)
 app.command("show")(show)
 app.command("new")(new)
 app.command("plot")(plot)
+app.command("generating-functions")(generating_functions)
 app.command("schema")(schema)
 app.command("solvers")(solvers)
 

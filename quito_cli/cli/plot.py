@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
+
+from quito_cli.cli.output import Picture, check_folder, check_picture
 
 
 def plot(
@@ -19,15 +21,18 @@ def plot(
         Path | None,
         typer.Option("-o", "--output", help="Folder for the picture. [default: the result's]"),
     ] = None,
-    picture: Annotated[
-        Literal["png", "pdf", "svg"], typer.Option("--format", help="Format of the picture.")
-    ] = "png",
+    picture: Picture = "png",
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
 ) -> None:
     """Draw a saved result."""
     from quito_cli.plots.figure import DEFAULT, draw
+    from quito_cli.problem.load import refuse_problem
     from quito_cli.solution.solution import Solution
 
+    check_picture(picture)
+    if output is not None:
+        check_folder(output)
+    refuse_problem(result, "plot")
     chosen = {
         "states": states,
         "controls": controls,

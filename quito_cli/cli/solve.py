@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import typer
 
-from quito_cli.errors import UsageError
+from quito_cli.cli.output import Picture, check_folder, check_picture
 from quito_cli.solve import Options
 from quito_cli.solve import solve as run
 
@@ -55,7 +54,11 @@ def solve(
         ),
     ] = None,
     discretization: Annotated[
-        str | None, typer.Option(help=f"euler or rk4. [default: {Options.discretization}]")
+        str | None,
+        typer.Option(
+            help="euler, trapezoidal, rk4, hermite-simpson or radau. "
+            f"[default: {Options.discretization}]"
+        ),
     ] = None,
     substeps: Annotated[
         int | None,
@@ -79,10 +82,10 @@ def solve(
         typer.Option(help="Factor of the cost in the solver. [default: by the cost's size]"),
     ] = None,
     path_points: Annotated[
-        Literal["nodes", "substeps"] | None,
+        str | None,
         typer.Option(
-            help="Where path constraints hold. [default: substeps for those with a control, "
-            "nodes for those of states alone]",
+            help="Where path constraints hold: nodes or substeps. [default: substeps for those "
+            "with a control, nodes for those of states alone]",
             show_default=False,
         ),
     ] = None,
@@ -113,9 +116,7 @@ def solve(
     output: Annotated[
         Path, typer.Option("-o", "--output", help="Folder for the result and the picture.")
     ] = Path("results"),
-    picture: Annotated[
-        Literal["png", "pdf", "svg"], typer.Option("--format", help="Format of the picture.")
-    ] = "png",
+    picture: Picture = "png",
     no_plot: Annotated[bool, typer.Option("--no-plot", help="Draw no picture.")] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object, and nothing else.")
@@ -132,8 +133,9 @@ def solve(
 
     constants = parse_settings(settings or [], "--set")
     solver_options = _solver_options(parse_settings(solver_option or [], "--solver-option"))
+    check_picture(picture)
+    check_folder(output)
     loaded = load(problem, constants)
-    _usable(output)
     with ProgressLine(quiet=quiet, every_line=verbose and not as_json) as progress:
         solution = run(
             loaded,
@@ -183,16 +185,3 @@ def _solver_options(given: dict[str, str]) -> dict[str, Any]:
         return text
 
     return {name: read(text) for name, text in given.items()}
-
-
-def _usable(output: Path) -> None:
-    """Refuse a folder that cannot be written: a long solve must not end with nowhere to write.
-
-    It is not made yet: the problem or an option may still be refused.
-    """
-    folders = (output, *output.absolute().parents)
-    nearest = next(folder for folder in folders if os.path.lexists(folder))
-    if not nearest.is_dir():
-        raise UsageError(f"the output folder {output} cannot be made: {nearest} is not a folder")
-    if not os.access(nearest, os.W_OK | os.X_OK):
-        raise UsageError(f"the output folder {output} cannot be written: no permission")

@@ -174,7 +174,11 @@ def _rows(group: Sequence[Panel]) -> list[Sequence[Panel]]:
 def _heading(solution: Solution) -> str:
     failed = "" if solution.success else "NOT SOLVED: "
     title = solution.origin.title or solution.origin.name
-    return f"{failed}{plain(title)}\ncost {solution.cost:.8g}, {len(solution.times) - 1} cells"
+    changed = "".join(
+        f", {plain(name)} = {plain(value)}" for name, value in solution.origin.changes
+    )
+    cells = len(solution.times) - 1
+    return f"{failed}{plain(title)}\ncost {solution.cost:.8g}, {cells} cells{changed}"
 
 
 def _draw(axes: Axes, curve: Curve) -> None:
@@ -240,8 +244,16 @@ def draw(solution: Solution, panels: Iterable[str], path: Path) -> None:
     Raises:
         ResultFileError: the file cannot be written.
     """
+    write(figure(solution, panels), path)
+
+
+def write(drawn: Figure, path: Path) -> None:
+    """Write a figure; the ending of `path` is its format.
+
+    Raises:
+        ResultFileError: the file cannot be written.
+    """
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # no word on fonts being looked for
-    drawn = figure(solution, panels)
     dateless = {"Date": None} if path.suffix == ".svg" else {}
     if path.suffix == ".pdf":
         dateless = {"CreationDate": None}

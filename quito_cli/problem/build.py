@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 
 from quito_cli.problem.comparisons import read_comparison
 from quito_cli.problem.declarations import bounds, end_values, hints, times
+from quito_cli.problem.keys import derived_state
 from quito_cli.problem.known import read_reference
-from quito_cli.problem.model import Constraint, Constraints, Instant, Known, Model, Variable
+from quito_cli.problem.model import Constraint, Constraints, Instant, Known, Lookup, Model, Variable
 from quito_cli.problem.schema import Problem
 from quito_cli.problem.scopes import Scopes
 from quito_cli.problem.text.complaints import Complaint, ProblemError, suggest
@@ -80,6 +81,7 @@ def try_build(problem: Problem, poisoned: Iterable[str] = ()) -> tuple[Model, li
         sense,
         _known(scopes, start, end),
         read_views(scopes),
+        _lookups(scopes),
     )
     return model, reader.complaints
 
@@ -88,29 +90,35 @@ def _dynamics(scopes: Scopes) -> ca.SX:
     import casadi as ca
 
     names, given = [v.name for v in scopes.states], scopes.problem.dynamics
-    for name in given:
-        if name not in names:
-            message = f"there is no state '{name}'{suggest(name, names)}"
-            scopes.reader.complain(("dynamics", name), message, key=True)
-    missing = [name for name in names if name not in given]
+    keys = {name: name for name in names if name in given}
+    for key in given:
+        if key in names:
+            continue
+        hint, meant = suggest(key, names), derived_state(key, names)
+        if meant:
+            hint = f": the key is the state itself, {meant}: ..."
+            keys.setdefault(meant, key)
+        scopes.reader.complain(("dynamics", key), f"there is no state '{key}'{hint}", key=True)
+    missing = [name for name in names if name not in keys]
     if missing:
         message = f"the dynamics of {', '.join(missing)} are missing: one line for each state"
         scopes.reader.complain(("dynamics",), message, key=True)
     return ca.vertcat(
         *(
-            _derivative(scopes, v, given[v.name]) if v.name in given else ca.SX.zeros(v.size)
+            _derivative(scopes, v, ("dynamics", keys[v.name]), given[keys[v.name]])
+            if v.name in keys
+            else ca.SX.zeros(v.size)
             for v in scopes.states
         )
     )
 
 
 def _derivative(
-    scopes: Scopes, variable: Variable, value: float | str | list[float | str]
+    scopes: Scopes, variable: Variable, path: Path, value: float | str | list[float | str]
 ) -> ca.SX:
     """Return the derivative of one state, (size, 1)."""
     import casadi as ca
 
-    path: Path = ("dynamics", variable.name)
     if isinstance(value, list):
         entries = [scopes.formula((*path, i), v, scopes.along) for i, v in enumerate(value)]
         for i, entry in enumerate(entries):
@@ -121,7 +129,7 @@ def _derivative(
         derivative = ca.vertcat(*good) if len(good) == len(entries) else None
     else:
         derivative = scopes.formula(path, value, scopes.along)
-    if derivative is None:
+    if derivative is None or scopes.reader.is_poisoned([variable.name]):
         return ca.SX.zeros(variable.size)
     if derivative.shape != (variable.size, 1):
         rows, columns = derivative.shape
@@ -190,6 +198,20 @@ def _points(scopes: Scopes, start: Instant, end: Instant) -> tuple[Constraint, .
             fraction = (at - low) / (high - low) if high > low else 0.0
             found.append(replace(constraint, at=fraction))
     return tuple(found)
+
+
+def _lookups(scopes: Scopes) -> tuple[Lookup, ...]:
+    """Return where tables are read along the horizon, each place once."""
+    import casadi as ca
+
+    inputs = [scopes.x, scopes.u, scopes.p, scopes.t]
+    found: dict[tuple[str, str], Lookup] = {}
+    for table, at in scopes.reader.lookups:
+        argument = ca.vec(ca.densify(at))
+        if not ca.Function("at", inputs, [argument], {"allow_free": True}).get_free():
+            lookup = Lookup(table.name, float(table.x[0]), float(table.x[-1]), argument)
+            found.setdefault((table.name, str(argument)), lookup)
+    return tuple(found.values())
 
 
 def _known(scopes: Scopes, start: Instant, end: Instant) -> Known | None:

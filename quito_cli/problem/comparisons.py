@@ -18,17 +18,15 @@ from quito_cli.problem.language.expressions import (
     evaluate,
     parse_comparison,
 )
+from quito_cli.problem.language.hints import infinity
 from quito_cli.problem.model import Bounds, Constraint
 from quito_cli.problem.scopes import Scope, Scopes
-from quito_cli.problem.text.complaints import Complaint
 from quito_cli.problem.values import Path
 
 if TYPE_CHECKING:
     import casadi as ca
 
-_INFINITY = dict.fromkeys(
-    ("inf", "Inf", "infinity"), "infinity bounds nothing: leave this side of the comparison out"
-)
+_INFINITY = "infinity bounds nothing: leave this side of the comparison out"
 _WRITE = {"<": "<=", ">": ">="}
 
 
@@ -47,7 +45,7 @@ def read_comparison(
             evaluate(
                 side,
                 scope.values,
-                refused={**_INFINITY, **scope.refused},
+                refused={**infinity(side.tree, _INFINITY), **scope.refused},
                 initial=scope.initial,
                 final=scope.final,
                 tables=scopes.tables,
@@ -60,8 +58,7 @@ def read_comparison(
             _check_integrand(comparison, sides)
         value, bounds = _bounded(comparison, sides)
     except ExpressionError as error:
-        complaint = Complaint(path, error.message, error.offset, error.length)
-        scopes.reader.complaints.append(complaint)
+        scopes.reader.misread(path, error, ends=scope.initial is not None)
         return None
     import casadi as ca
 

@@ -27,7 +27,7 @@ def times(scopes: Scopes) -> tuple[Instant, Instant]:
     start = _instant(scopes, ("time", "initial"), section.initial, None)
     end = _instant(scopes, ("time", "final"), section.final, start)
     if start is None or end is None:
-        return Instant(0, 0, 0), Instant(1, 1, 1)
+        return Instant(*[-np.inf] * 3), Instant(*[np.inf] * 3)  # nothing is outside of it
     if start.fixed and end.fixed and end.lower <= start.lower:
         message = f"the final time {end.lower:g} is not after the initial time {start.lower:g}"
         scopes.reader.complain(("time", "final"), message)

@@ -17,6 +17,10 @@ from quito_cli.problem.validate import validate
 
 SETTABLE = ("time", "states", "controls", "parameters", "tables", "constants")
 """Sections whose values `--set section.key...=value` may change."""
+ENDINGS = (".yaml", ".yml")
+"""Of problem files."""
+RESULTS = Path("results")
+"""Where `quito solve` saves results unless told otherwise."""
 MAX_BYTES = 4_000_000
 
 
@@ -83,11 +87,46 @@ def find(where: str | Path) -> Path:
     library = bundled()
     if str(where) in library:
         return library[str(where)]
+    beside = next((other for other in _files_named(path) if other.is_file()), None)
+    if beside:
+        raise UsageError(f"there is no file {where}; did you mean {beside}?")
     hint = suggest(path.stem, library)
     raise UsageError(
         f"there is no file {where}, and no bundled problem of that name{hint}; "
         "`quito list` shows the bundled ones"
     )
+
+
+def _files_named(path: Path) -> list[Path]:
+    """Return the problem files that a name without its ending may mean."""
+    return [path.with_name(path.name + ending) for ending in ENDINGS] if path.name else []
+
+
+def refuse_problem(where: str | Path, verb: str) -> None:
+    """Refuse a problem where a result is expected.
+
+    Args:
+        where: what was given for a result.
+        verb: what was to be done with it, for the message.
+
+    Raises:
+        UsageError: it is a problem file, or the name of a problem.
+    """
+    path = Path(where)
+    if path.suffix in ENDINGS and path.is_file():
+        what = f"{path} is a problem file"
+    elif path.exists() or path.suffix:
+        return
+    elif beside := next((other for other in _files_named(path) if other.is_file()), None):
+        what = f"there is no file {path}; {beside} is a problem file"
+    elif str(path) in bundled():
+        what = f"there is no file {path}; that is a bundled problem"
+    else:
+        return
+    result = RESULTS / f"{path.stem}.h5"
+    if result.is_file():
+        raise UsageError(f"{what}; did you mean {result}?")
+    raise UsageError(f"{what}: solve it first, then {verb} {result}")
 
 
 def _text_of(path: Path) -> str:
@@ -98,6 +137,8 @@ def _text_of(path: Path) -> str:
             )
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
+        if path.suffix == ".h5":
+            raise UsageError(f"{path} is a result; `quito show` and `quito plot` read it") from None
         raise UsageError(f"{path} is not text in UTF-8; is it a problem file?") from None
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror}") from None
@@ -115,9 +156,21 @@ def _set(data: Any, key: str, value: str | float) -> None:
             "are set by their path, such as --set states.x1.upper=2"
         )
     if steps[0] not in SETTABLE:
-        raise UsageError(f"--set {key}: only {', '.join(SETTABLE)} can be set")
+        raise UsageError(f"--set {key}: {_unsettable(data, steps)}")
     holder = _holder(data, key, steps)
     holder[steps[-1]] = _number_or_text(value)
+
+
+def _unsettable(data: Any, steps: list[str]) -> str:
+    """Say why a value cannot be set, and what can be done about it."""
+    for section in SETTABLE:
+        entries = data.get(section)
+        if isinstance(entries, dict) and steps[0] in entries:
+            return f"did you mean {section}.{'.'.join(steps)}?"
+    only = f"only {', '.join(SETTABLE)} can be set"
+    if steps[0] == "options":
+        return f"{only}; options of the solve are given by name, such as --steps 100"
+    return f"{only}; what else a problem says is changed in its file"
 
 
 def _holder(data: Any, key: str, steps: list[str]) -> Any:

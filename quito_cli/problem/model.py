@@ -72,6 +72,11 @@ class Bounds:
         """Entries that leave no choice."""
         return np.asarray(self.lower == self.upper)
 
+    @property
+    def unbounded(self) -> NDArray[np.bool_]:
+        """Entries that may grow without end on a side."""
+        return ~(np.isfinite(self.lower) & np.isfinite(self.upper))
+
     def within(self, other: Bounds) -> Bounds:
         """Return the intersection."""
         return Bounds(np.maximum(self.lower, other.lower), np.minimum(self.upper, other.upper))
@@ -182,6 +187,19 @@ class Constraints:
     """In terms of x, u, p, t."""
 
 
+@dataclass(frozen=True, eq=False)
+class Lookup:
+    """Where a formula along the horizon reads a table."""
+
+    table: str
+    first: float
+    """Its least argument."""
+    last: float
+    """Its largest."""
+    argument: ca.SX
+    """What it is read at, (entries, 1), in terms of x, u, p, t."""
+
+
 @dataclass(frozen=True)
 class Hints:
     """Where the file says the solver is to start, and how large things are."""
@@ -236,6 +254,8 @@ class Model:
     """The file's reference, where it applies."""
     views: tuple[View, ...]
     """The plots it asks for."""
+    lookups: tuple[Lookup, ...]
+    """Where its formulas read tables."""
 
     @property
     def n_x(self) -> int:
@@ -292,6 +312,12 @@ class Model:
         import casadi as ca
 
         return ca.Function("size", [self.x, self.u, self.p, self.t], [constraint.size])
+
+    def argument(self, lookup: Lookup) -> ca.Function:
+        """Return (x, u, p, t) ↦ what a table is read at."""
+        import casadi as ca
+
+        return ca.Function("argument", [self.x, self.u, self.p, self.t], [lookup.argument])
 
     @cached_property
     def boundary_values(self) -> ca.Function:

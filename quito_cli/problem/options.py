@@ -7,7 +7,7 @@ was not asked for.
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import (
     BaseModel,
@@ -24,7 +24,7 @@ GeneratingFunctionName = Literal[
     "gaussian", "laguerre4", "laguerre6", "hermite10", "trigonometric", "sech"
 ]
 ControlName = Literal["quasi-interpolant", "piecewise-constant", "piecewise-linear"]
-DiscretizationName = Literal["euler", "rk4"]
+DiscretizationName = Literal["euler", "trapezoidal", "rk4", "hermite-simpson", "radau"]
 PathPointsName = Literal["nodes", "substeps"]
 SolverName = Literal[
     "auto",
@@ -50,14 +50,12 @@ SolverName = Literal[
     "conopt",
 ]
 
-_BY_NUMBER = dict(enumerate(GeneratingFunctionName.__args__, start=1))  # type: ignore[attr-defined]
+_BY_NUMBER = dict(zip("123456", get_args(GeneratingFunctionName), strict=True))
 
 
 def _name_of_number(value: Any) -> Any:
     """The paper numbers its generating functions; 1 and "1" are `gaussian`."""
-    if isinstance(value, bool):
-        return value
-    return _BY_NUMBER.get(int(value), value) if str(value).isdigit() else value
+    return _BY_NUMBER.get(str(value), value)
 
 
 class CommonOptions(BaseModel):

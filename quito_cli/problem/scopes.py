@@ -95,6 +95,7 @@ class Scopes:
                 elif name in meaning:
                     self.reader.complain(path, f"'{name}' is already {meaning[name]}", key=True)
                 meaning.setdefault(name, f"{article} {kind}")
+                self.reader.declared.setdefault(name, kind)
 
     def _read_tables(self) -> None:
         for name, table in self.problem.tables.items():

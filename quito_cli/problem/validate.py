@@ -7,17 +7,20 @@ wrong is mended or left out, and the rest is looked at.
 from __future__ import annotations
 
 import copy
+import re
+from dataclasses import replace
 from typing import Any
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from quito_cli.problem.build import set_values, try_build
+from quito_cli.problem.keys import Path, meant, unknown_key
+from quito_cli.problem.language.names import is_valid_name
 from quito_cli.problem.schema import Problem
-from quito_cli.problem.text.complaints import Complaint, ProblemError, suggest
+from quito_cli.problem.text.complaints import Complaint, ProblemError
 from quito_cli.problem.text.source import Source
-
-Path = tuple[str | int, ...]
+from quito_cli.problem.wording import expected
 
 _STAND_IN = "mended"
 """A name that counts as poisoned: a formula in place of one that could not be read."""
@@ -28,15 +31,10 @@ _VARIABLES = ("states", "controls", "parameters")
 _ASIDE = ("tags", "plots", "reference", "published", "options")
 """Sections that the other ones do not speak of."""
 
-_ALTERNATIVES = {
-    "constants": "a number, an expression, a list or a list of lists",
-    "initial": "a number, an expression, {lower:, upper:} or a list",
-    "final": "a number, an expression, {lower:, upper:} or a list",
-    "dynamics": "an expression or a list of expressions",
-    "state": "an expression of t or a list of pieces {until:, value:}",
-    "control": "an expression of t or a list of pieces {until:, value:}",
-}
-_GUESS = "an expression of t, a list with one for each entry, or {times:, values:}"
+_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_MENDINGS = 4
+"""Rounds of mending: what was left out or renamed may leave something else to mend."""
+
 _MISSING = {
     "states": "every problem needs `states:`",
     "dynamics": "every problem needs `dynamics:`, one line for each state",
@@ -57,10 +55,8 @@ def validate(source: Source, name: str, changes: tuple[tuple[str, str], ...] = (
         return problem
     except ValidationError as error:
         details = error.errors()
-    complaints = [
-        _complaint(detail, _real_path(detail["loc"], source.data))
-        for detail in _told_once(details, source.data)
-    ]
+    details = _told_once(details, source.data)
+    complaints = [_complaint(detail, _real_path(detail["loc"], source.data)) for detail in details]
     raise ProblemError(complaints + _beyond(details, source, name), source, set_values(changes))
 
 
@@ -73,7 +69,7 @@ def _named(problem: Problem, source: Source, name: str) -> Problem:
 def _told_once(details: list[ErrorDetails], data: Any) -> list[ErrorDetails]:
     """Leave out what is missed only because its key is misspelt: the key is complained of."""
     unknown = [_real_path(d["loc"], data) for d in details if d["type"] == "extra_forbidden"]
-    found = {(*path[:-1], _meant(path, _holder(data, path))) for path in unknown}
+    found = {(*path[:-1], meant(path, _holder(data, path))) for path in unknown}
     return [d for d in details if d["type"] != "missing" or _real_path(d["loc"], data) not in found]
 
 
@@ -81,20 +77,57 @@ def _beyond(details: list[ErrorDetails], source: Source, name: str) -> list[Comp
     """Return complaints about formulas, with the structure mended where that can be guessed."""
     data = copy.deepcopy(source.data)
     poisoned = {_STAND_IN}
-    for detail in details:
-        path = _real_path(detail["loc"], source.data)
-        known = (_rename if detail["type"] == "extra_forbidden" else _replace)(data, path)
-        if not known:
-            poisoned.add(str(path[1]))
-    try:
-        problem = _named(Problem.model_validate(data), source, name)
-    except ValidationError:
-        return []
-    return try_build(problem, poisoned)[1]
+    moved: dict[Path, Path] = {}
+    told: list[Complaint] = []
+    for _ in range(_MENDINGS):
+        wrong = [(detail["type"], _real_path(detail["loc"], data)) for detail in details]
+        for kind, path in wrong:
+            if path[0] in _NAMING and len(path) == 1 and kind != "extra_forbidden":
+                poisoned |= _undeclared(source.data)
+            unknown = kind == "extra_forbidden"
+            known = _rename(data, path, moved) if unknown else _replace(data, path)
+            if not known:
+                poisoned.add(str(path[1]))
+        try:
+            problem = _named(Problem.model_validate(data), source, name)
+        except ValidationError as error:
+            details = _told_once(error.errors(), data)
+            for detail in details:
+                path = _real_path(detail["loc"], data)
+                if _written(path, moved) != path:  # it was under an unknown key, and not looked at
+                    told.append(_complaint(detail, path))
+        else:
+            told += try_build(problem, poisoned)[1]
+            break
+    return [replace(c, path=_written(c.path or (), moved)) for c in told]
 
 
-def _rename(data: Any, path: Path) -> bool:
-    """Give an unknown key the name it was likely meant to have, or leave it out.
+def _written(path: Path, moved: dict[Path, Path]) -> Path:
+    """Return where the file has what is at a path since keys were given other names."""
+    for length in range(len(path), 0, -1):
+        path = moved.get(path[:length], path[:length]) + path[length:]
+    return path
+
+
+def _undeclared(data: Any) -> set[str]:
+    """Return every word of the file that is not declared as a name.
+
+    It may be a name of a section that cannot be read, and no more is said of what has it.
+    """
+    words: set[str] = set()
+    pending = [data]
+    while pending:
+        part = pending.pop()
+        if isinstance(part, str):
+            words.update(_WORD.findall(part))
+        elif isinstance(part, dict | list):
+            pending += part.values() if isinstance(part, dict) else part
+    sections = (data.get(section) for section in _NAMING)
+    return words.difference(*(section for section in sections if isinstance(section, dict)))
+
+
+def _rename(data: Any, path: Path, moved: dict[Path, Path]) -> bool:
+    """Give an unknown key the name it was likely meant to have, noted in `moved`, or leave it out.
 
     False if the state, control or constant that holds it cannot be spoken of any more.
     """
@@ -104,10 +137,13 @@ def _rename(data: Any, path: Path) -> bool:
     if path[-1] not in holder:  # left out already, for another mistake beside it
         return True
     value = holder.pop(path[-1])
-    meant = _meant(path, holder)
-    if meant:
-        holder[meant] = value
-    return bool(meant) or path[0] not in _NAMING or len(path) < 3
+    key = meant(path, holder)
+    if key:
+        holder[key] = value
+        moved[(*path[:-1], key)] = path
+    elif path[0] == "parameters" and len(path) == 3:
+        holder.setdefault("guess", 0)
+    return bool(key) or path[0] not in _NAMING or len(path) < 3
 
 
 def _replace(data: Any, path: Path) -> bool:
@@ -115,18 +151,15 @@ def _replace(data: Any, path: Path) -> bool:
     match path:
         case (str(section), *_) if section in _ASIDE:
             data.pop(section, None)
-        case ("time",):
-            data["time"] = {"initial": _STAND_IN, "final": _STAND_IN}
-        case ("dynamics",):
-            states = data.get("states")
-            data["dynamics"] = dict.fromkeys(states if isinstance(states, dict) else (), _STAND_IN)
-        case ("cost",):
-            data["cost"] = {}
+        case (str(section),):
+            _replace_section(data, section)
         case ("time" | "dynamics" as section, key, *_):
             data[section][key] = _STAND_IN
         case ("constraints", str(kind), name, *_) if isinstance(data.get("constraints"), dict):
             _holder(data, ("constraints", kind, name)).pop(name, None)
-        case (str(section), name, "size", *_) if section in _VARIABLES and section in data:
+        case (str(section), name) | (str(section), name, "size", *_) if (
+            section in _VARIABLES and section in data
+        ):
             data[section][name] = _unknown(section)  # nothing that has a length can be checked
             return False
         case (str(section), name, key, *_) if section in _VARIABLES:
@@ -137,9 +170,33 @@ def _replace(data: Any, path: Path) -> bool:
         case (str(section), key, *_):
             data[section].pop(key, None)
             return section not in _NAMING
-        case (str(key),):
-            data.pop(key, None)
     return True
+
+
+def _replace_section(data: Any, section: str) -> None:
+    """Put something harmless in place of a whole section."""
+    if section in ("states", "controls"):
+        data.pop("reference", None)  # it may speak of them
+    match section:
+        case "time":
+            data["time"] = {"initial": _STAND_IN, "final": _STAND_IN}
+        case "states":
+            _replace_states(data)
+        case "dynamics":
+            states = data.get("states")
+            data["dynamics"] = dict.fromkeys(states if isinstance(states, dict) else (), _STAND_IN)
+        case "cost":
+            data["cost"] = {"mayer": 0}
+        case _:
+            data.pop(section, None)
+
+
+def _replace_states(data: Any) -> None:
+    """Take the states to be those that have dynamics; of their lengths nothing is known."""
+    dynamics = data.get("dynamics")
+    named = dynamics if isinstance(dynamics, dict) else {}
+    data["states"] = {name: {} for name in named if not is_valid_name(name)} or {_STAND_IN: {}}
+    data["dynamics"] = {name: named.get(name, _STAND_IN) for name in data["states"]}
 
 
 def _unknown(section: str) -> dict[str, Any]:
@@ -157,33 +214,6 @@ def _holder(data: Any, path: Path) -> Any:
         else:
             return {}
     return data if isinstance(data, dict) else {}
-
-
-def _known_keys(path: Path) -> list[str]:
-    """Return the keys that the mapping holding `path` may have."""
-    model: Any = Problem
-    for step in path[:-1]:
-        if isinstance(step, str) and step in model.model_fields:
-            inner = _models_in(model.model_fields[step].annotation)
-            model = inner[0] if inner else model
-    return list(model.model_fields)
-
-
-def _models_in(annotation: Any) -> list[Any]:
-    """Return the pydantic models that a field's type speaks of, mappings of them included."""
-    if hasattr(annotation, "model_fields"):
-        return [annotation]
-    found: list[Any] = []
-    for argument in getattr(annotation, "__args__", ()):
-        found += _models_in(argument)
-    return found
-
-
-def _meant(path: Path, present: dict[str, Any]) -> str | None:
-    """Return the one key, not yet there, that an unknown key is near to."""
-    candidates = [key for key in _known_keys(path) if key not in present]
-    hint = suggest(str(path[-1]), candidates)
-    return next((key for key in candidates if f"'{key}'" in hint), None)
 
 
 def _real_path(location: tuple[str | int, ...], data: Any) -> Path:
@@ -205,10 +235,7 @@ def _real_path(location: tuple[str | int, ...], data: Any) -> Path:
 def _complaint(detail: ErrorDetails, path: Path) -> Complaint:
     kind = detail["type"]
     if kind == "extra_forbidden":
-        hint = suggest(str(path[-1]), _known_keys(path))
-        known = "" if hint else f"; known here: {', '.join(_known_keys(path))}"
-        message = f"unknown key '{path[-1]}'{hint}{known}"
-        return Complaint(path, message, length=len(str(path[-1])), key=True)
+        return Complaint(path, unknown_key(path), length=len(str(path[-1])), key=True)
     if kind == "missing":
         key = str(path[-1])
         told = _MISSING.get(key, "") if len(path) == 1 else ""
@@ -216,103 +243,3 @@ def _complaint(detail: ErrorDetails, path: Path) -> Complaint:
     if kind == "refused_key":
         return Complaint(path, expected(detail), length=len(str(path[-1])), key=True)
     return Complaint(path, expected(detail, path))
-
-
-def expected(detail: ErrorDetails, path: Path = ()) -> str:
-    """Return what was expected, in plain words."""
-    kind, value = detail["type"], detail["input"]
-    context: dict[str, Any] = detail.get("ctx", {})
-    match kind:
-        case "value_error" | "refused_key":
-            return str(context["error"])
-        case "union_tag_not_found" | "union_tag_invalid":
-            wanted = _alternatives(path)
-        case "model_type" | "dict_type" | "model_attributes_type" if path[:1] == ("constraints",):
-            wanted = _CONSTRAINTS[min(len(path), 3) if path[1:2] == ("point",) else len(path)]
-        case "model_type" | "dict_type" | "model_attributes_type":
-            wanted = "a mapping, `key: value` lines or {...}"
-        case "literal_error":
-            names = str(context["expected"]).replace("'", "")
-            hint = suggest(str(value), names.replace(" or ", ", ").split(", "))
-            return f"expected {names}, got {_shown(value)}{hint}"
-        case "too_long":
-            return f"expected at most {_entries(context['max_length'])}, got {_length(context)}"
-        case "too_short":
-            return f"expected at least {_entries(context['min_length'])}, got {_length(context)}"
-        case "string_type" if _comparison_at(path):
-            wanted = "a comparison with a name of its own, such as limit: x <= 1"
-        case "string_type" if isinstance(value, bool | int | float):
-            return f"expected text, got {_shown(value)}: quote it"
-        case "string_pattern_mismatch":
-            wanted = "small letters, digits and hyphens, such as bang-bang"
-        case _:
-            wanted = _plain(detail)
-    return f"expected {wanted}, got {_shown(value)}"
-
-
-_CONSTRAINTS = {
-    1: "kinds of constraints, such as path: {limit: x <= 1}",
-    2: "names with what must hold, such as limit: x <= 1",
-    3: "a time and what must hold then, {at: 0.5, holds: x <= 1}",
-}
-
-
-def _comparison_at(path: Path) -> bool:
-    """Whether a comparison stands at a path."""
-    return path[:1] == ("constraints",) and (len(path) == 3 or path[-1] == "holds")
-
-
-def _alternatives(path: Path) -> str:
-    if path[:1] == ("time",):
-        inner = path[2:] and path[2] in ("lower", "upper", "guess")
-        return (
-            "a number or an expression"
-            if inner
-            else "a number, an expression, or {lower:, upper:, guess:} where it is free"
-        )
-    if path[2:3] == ("curves",) and path[:1] == ("plots",):
-        return "two or three expressions in a list, or one that is a vector"
-    if path[:1] in (("states",), ("controls",)) and "guess" in path[2:3]:
-        return "a number" if "values" in path[3:] else _GUESS
-    keys = [step for step in reversed(path) if step in _ALTERNATIVES]
-    if not keys:
-        return "a number or an expression"
-    if isinstance(path[-1], int):
-        range_too = keys[0] in ("initial", "final")
-        return (
-            f"a number{', an expression or {lower:, upper:}' if range_too else ' or an expression'}"
-        )
-    return _ALTERNATIVES[str(keys[0])]
-
-
-def _entries(count: int) -> str:
-    return f"{count} entries" if count != 1 else "one entry"
-
-
-def _length(context: dict[str, Any]) -> Any:
-    return "more" if context["actual_length"] is None else context["actual_length"]
-
-
-def _plain(detail: ErrorDetails) -> str:
-    """Return pydantic's sentence in the voice of the other messages."""
-    words = detail["msg"].removeprefix("Input should be ").split(", ")[0]
-    for theirs, ours in (
-        ("greater than or equal to", "at least"),
-        ("less than or equal to", "at most"),
-        ("greater than", "a number above"),
-        ("less than", "a number below"),
-        ("a valid integer", "a whole number"),
-        ("a valid boolean", "true or false"),
-        ("a valid string", "text"),
-        ("valid ", ""),
-    ):
-        words = words.replace(theirs, ours)
-    return words
-
-
-def _shown(value: Any) -> str:
-    names = {dict: "a mapping", list: "a list", type(None): "nothing"}
-    if isinstance(value, bool):
-        return str(value).lower()
-    text = names.get(type(value)) or repr(value)
-    return text if len(text) <= 40 else text[:37] + "..."

@@ -20,6 +20,8 @@ from quito_cli.problem.language.expressions import (
     evaluate,
     parse,
 )
+from quito_cli.problem.language.hints import Place as Hinted
+from quito_cli.problem.language.hints import advice, infinity
 from quito_cli.problem.language.tables import TableData
 from quito_cli.problem.model import Bounds
 from quito_cli.problem.schema_values import Range
@@ -32,10 +34,7 @@ Array = NDArray[np.float64]
 Path = tuple[str | int, ...]
 Scope = Mapping[str, "ca.SX"]
 
-_INFINITY = dict.fromkeys(
-    ("inf", "Inf", "infinity"),
-    "infinity is written .inf or -.inf, stands alone, and only in bounds",
-)
+_INFINITY = "infinity is written .inf or -.inf, stands alone, and only in bounds"
 
 
 class Reader:
@@ -46,11 +45,20 @@ class Reader:
         self.budget = Budget()
         self._poisoned = set(poisoned)
         self.tables: dict[str, TableData] = {}
+        self.lookups: list[tuple[TableData, ca.SX]] = []
+        self.declared: dict[str, str] = {}
+        """Every name of the file, and what it is: a `state`, a `table`."""
 
     def complain(self, path: Path, message: str, *, key: bool = False) -> None:
         """Note a mistake at `path`."""
         length = len(str(path[-1])) if key else 1
         self.complaints.append(Complaint(path, message, length=length, key=key))
+
+    def misread(self, path: Path, error: ExpressionError, *, ends: bool) -> None:
+        """Note what is wrong with a formula, with what is known of the names and the place."""
+        place = Hinted(self.declared, ends, _end_key(path))
+        message = (error.about and advice(error.about, place)) or error.message
+        self.complaints.append(Complaint(path, message, error.offset, error.length))
 
     def poison(self, name: str) -> None:
         """Say no more about whatever depends on `name`."""
@@ -85,14 +93,15 @@ class Reader:
             return evaluate(
                 expression,
                 scope,
-                refused={**_INFINITY, **(refused or {})},
+                refused={**infinity(expression.tree, _INFINITY), **(refused or {})},
                 initial=initial,
                 final=final,
                 tables=self.tables,
                 budget=self.budget,
+                lookups=self.lookups,
             )
         except ExpressionError as error:
-            self.complaints.append(Complaint(path, error.message, error.offset, error.length))
+            self.misread(path, error, ends=initial is not None)
             return None
 
     def constant(
@@ -249,6 +258,15 @@ class Reader:
                 f"the upper bound {bounds.upper[i]:g}{entry} is below the lower bound "
                 f"{bounds.lower[i]:g}",
             )
+
+
+def _end_key(path: Path) -> str:
+    """Return the key of a bound or end value of a variable, or `time`, or nothing."""
+    if path[0] == "time":
+        return "time"
+    inside = path[0] in ("states", "controls", "parameters") and len(path) > 2
+    keys = [str(step) for step in path[2:] if step in ("initial", "final", "lower", "upper")]
+    return keys[-1] if inside and keys else ""
 
 
 def _entries(size: int) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.problem.model import Model, labels
+from quito_cli.solution.kinks import sat_on
 from quito_cli.solution.trajectory import Trajectory
 from quito_cli.solvers.outcome import Outcome, Status
 from quito_cli.solvers.residuals import Residuals
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+RUNAWAY = 1e8
+"""Unknowns in their units that are no answer any more."""
+_RUNS_AWAY = "The cost runs away with"
 _HINTS = {
     Status.INFEASIBLE: (
         "No trajectory was found that meets all conditions: loosen a bound or an end condition, or "
@@ -56,7 +60,9 @@ def diagnose(
     sentences = _not_finite(model, times, states, u, parameters, "at")
     if outcome.status is Status.NOT_FINITE and not sentences:
         sentences = _not_finite_nearby(model, times, states, u, parameters)
-    sentences += _worst_row(nlp, residuals, trajectory.times)
+    sentences += _runs_away(nlp, outcome) or _worst_row(nlp, residuals, trajectory.times)
+    if outcome.status not in (Status.NOT_FINITE, Status.INTERRUPTED):
+        sentences += _kink(model, times, states, u, parameters)
     if not sentences:
         kinds = {
             "first-order": residuals.stationarity,
@@ -65,9 +71,48 @@ def diagnose(
         }
         worst = max(kinds, key=kinds.__getitem__)
         sentences = [f"No condition fails by much, but the {worst} residual is {kinds[worst]:.2g}."]
-    if hint := _HINTS.get(outcome.status):
+    if (hint := _HINTS.get(outcome.status)) and not sentences[-1].startswith(_RUNS_AWAY):
         sentences.append(hint)
     return tuple(sentences)
+
+
+def _runs_away(nlp: Nlp, outcome: Outcome) -> list[str]:
+    """Name the unknown without a bound that has grown beyond all measure."""
+    made, w = nlp.transcription, np.abs(outcome.w)
+    if outcome.status not in (Status.ITERATION_LIMIT, Status.DIVERGED, Status.STUCK):
+        return []
+    if not np.isfinite(w).all() or w.max() < RUNAWAY:
+        return []
+    layout, model = made.layout, made.model
+    names = labels(model.states) + labels(model.controls)
+    sizes = (*layout.states(w).max(axis=0), *layout.coefficient_table(w).max(axis=0))
+    unbounded = (*model.state_bounds.unbounded, *model.control_bounds.unbounded)
+    rows = zip(names, sizes, unbounded, strict=True)
+    grown = [name for name, size, free in rows if free and size > RUNAWAY / 10]
+    if not grown:
+        return []
+    return [
+        f"{_RUNS_AWAY} {' and '.join(grown)}: as it stands the problem has no minimum. Give them "
+        "bounds, or a cost that keeps them small."
+    ]
+
+
+def _kink(
+    model: Model, times: Array, states: Array, controls: Array, parameters: Array
+) -> list[str]:
+    """Name the formula whose corner the answer sits on."""
+    p = np.tile(parameters[:, None], (1, len(times)))
+    for name, expression in _along(model):
+        inputs = [model.x, model.u, model.p, model.t]
+        found = sat_on(inputs, expression, (states.T, controls.T, p, times[None, :]))
+        if found:
+            function, node = found
+            return [
+                f"{name} has a corner there: its {function} is at the corner from "
+                f"t = {times[node]:.6g} on. Round it off, as in sqrt(x^2 + 1e-6) for abs(x), or "
+                "split x into two controls of one sign."
+            ]
+    return []
 
 
 def _worst_row(nlp: Nlp, residuals: Residuals, times: Array) -> list[str]:

@@ -13,7 +13,13 @@ from quito_cli.solution.resimulation import Control, Resimulation, resimulate
 from quito_cli.solution.solution import Evidence
 from quito_cli.solution.trajectory import Trajectory
 from quito_cli.solution.variation import ringing_index, total_variation
-from quito_cli.solution.violations import Dense, Violation, violations, worst_first
+from quito_cli.solution.violations import (
+    Dense,
+    Violation,
+    beyond_tables,
+    violations,
+    worst_first,
+)
 from quito_cli.solvers.outcome import Outcome, Status
 from quito_cli.solvers.residuals import Residuals
 from quito_cli.transcription.cells import Discretization
@@ -23,6 +29,10 @@ Array = NDArray[np.float64]
 
 DENSE_POINTS = 10
 """Points a cell on the grid that violations and variation are looked for on."""
+SEEN = 0.01
+"""A control that moves by less of its size is a constant to the eye."""
+RINGS = 100.0
+"""Ringing index from which on it is plain to see."""
 HARDLY_MOVES = 0.1
 """A state smaller than this part of its unit has no size of its own: rounding may move it."""
 WORTH_A_WARNING = 1e-3
@@ -67,6 +77,7 @@ def evidence(
     unit = nlp.unit[nlp.transcription.layout.node(np.array(0))]
     gap, terminal = _gaps(model, trajectory.states, again, unit)
     nodes = dense.controls[::DENSE_POINTS]
+    ringing = _ringing(model, method, answer)
     return Evidence(
         tolerance,
         residuals.stationarity,
@@ -79,8 +90,15 @@ def evidence(
         terminal,
         found,
         tuple(float(v) for v in total_variation(dense.controls)),
-        _ringing(model, method, answer),
-        nlp.notes + (() if failed else _warnings(found, gap, terminal, answer.cost, again)),
+        ringing,
+        nlp.notes
+        + beyond_tables(model, dense)
+        + (
+            ()
+            if failed
+            else _warnings(found, gap, terminal, answer.cost, again)
+            + _rings(model, dense.controls, ringing)
+        ),
         diagnose(nlp, outcome, residuals, trajectory, nodes) + _missed(model, again, outcome.status)
         if failed
         else (),
@@ -170,6 +188,17 @@ def _ringing(model: Model, method: Discretization, answer: Answer) -> tuple[floa
             float(sizes[i]),
         )
         for i in range(model.n_u)
+    )
+
+
+def _rings(model: Model, controls: Array, ringing: tuple[float, ...]) -> tuple[str, ...]:
+    """Say which controls ring to be seen, and what is known to help."""
+    moves = np.ptp(controls, axis=0) > SEEN * np.abs(controls).max(axis=0)
+    return tuple(
+        f"{name} rings (index {index:.2g}): try --path-points substeps where a constraint of "
+        "states is active, more --substeps, a tighter --tolerance or a larger --variance"
+        for name, index, seen in zip(labels(model.controls), ringing, moves, strict=True)
+        if index > RINGS and seen
     )
 
 

@@ -133,17 +133,19 @@ def _trajectory(
 
 
 def _costates(nlp: Nlp, outcome: Outcome) -> Array:
-    """Return λ at the nodes: the defects' multipliers; at the start, the first cell's gradient."""
-    made, block = nlp.transcription, nlp.blocks[0]
-    n, cells = made.model.n_x, made.cells
+    """Return λ at the nodes: what the cost that remains there gains by a change of the state.
+
+    At the end of a cell that is −∂/∂x_{k+1} of the cell's part of the Lagrangian, for an explicit
+    scheme the multiplier of its defect; at the start of the horizon +∂/∂x_0 of the first cell's.
+    Where a condition holds at the node itself it is the value just before it.
+    """
+    made, cells = nlp.transcription, nlp.transcription.cells
     scaled = outcome.lam_g * nlp.row_scale / nlp.objective_scale
-    inner = scaled[block.rows].reshape(made.method.mesh.cells, -1)[:, -n:]
-    rows = cells.rows[:, 0]
-    nu = np.where(rows >= 0, scaled[rows], 0.0) + cells.weights[:, 0]
-    z = np.array(cells.gather[: cells.function.size1_in(0), :] @ outcome.w)
-    gradient = np.array(cells.local.gradient(z, cells.parameters[:, 0], nu)).ravel()
-    first = gradient[made.layout.shared : made.layout.shared + n]
-    return np.vstack([first, inner])
+    nu = np.where(cells.rows >= 0, scaled[cells.rows], 0.0) + cells.weights
+    z = np.array(cells.gather @ outcome.w).reshape(cells.count, -1).T
+    gradient = np.array(cells.local.gradient.map(cells.count)(z, cells.parameters, nu))
+    first, n = made.layout.shared, made.model.n_x
+    return np.vstack([gradient[first : first + n, :1].T, -gradient[first + n : first + 2 * n].T])
 
 
 def _multipliers(nlp: Nlp, outcome: Outcome) -> dict[str, Array]:

@@ -45,6 +45,7 @@ def read(file: h5py.File) -> Solution:
         len(control["mesh"]) - 1,
         float(control.attrs["variance"]),
         bool(control.attrs["normalised"]),
+        None if control.attrs["most_ghosts"] < 0 else int(control.attrs["most_ghosts"]),
     )
     interpolation = file["interpolation"]
     kind = interpolation.attrs["kind"]

@@ -53,6 +53,26 @@ class Dense:
         return value, size
 
 
+def beyond_tables(model: Model, dense: Dense) -> tuple[str, ...]:
+    """Say which tables are read beyond their ends, where, and how far."""
+    p = np.tile(dense.parameters[:, None], (1, len(dense.times)))
+    said = []
+    for lookup in model.lookups:
+        f = model.argument(lookup).map(len(dense.times))
+        at = np.array(f(dense.states.T, dense.controls.T, p, dense.times))
+        room = 1e-9 * (lookup.last - lookup.first)
+        outside = np.maximum(lookup.first - at, at - lookup.last).max(axis=0)
+        worst = int(np.argmax(outside))
+        if outside[worst] > room:
+            entry = int(np.argmax(np.maximum(lookup.first - at, at - lookup.last)[:, worst]))
+            said.append(
+                f"the table {lookup.table} is read at {at[entry, worst]:.6g}, beyond its ends "
+                f"{lookup.first:g} and {lookup.last:g} (at t = {dense.times[worst]:.6g}): there it "
+                "goes on as a straight line"
+            )
+    return tuple(said)
+
+
 def violations(model: Model, dense: Dense, integrals: Array) -> tuple[Violation, ...]:
     """Return the worst point of every condition, worst first.
 

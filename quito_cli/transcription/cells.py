@@ -49,13 +49,22 @@ class Discretization:
     @property
     def offsets(self) -> Array:
         """Offsets in the cell at which û is needed, increasing: (j + c_i)/R."""
-        steps = range(self.substeps)
-        places = [(j + c) / self.substeps for j in steps for c in self.scheme.offsets]
-        return np.unique(np.round(places, 14))
+        return _offsets(self.scheme, self.substeps)
 
     def layout(self, model: Model) -> Layout:
         """Return where the unknowns of `model` stand."""
         return Layout.of(model, self.mesh.cells, self.own_vectors, self.basis.count)
+
+
+def _offsets(scheme: Scheme, substeps: int) -> Array:
+    places = [(j + c) / substeps for j in range(substeps) for c in scheme.offsets]
+    return np.unique(np.round(places, 14))
+
+
+def points_seen(scheme: Scheme, substeps: int, cells: int) -> int:
+    """Return in how many points of the horizon a scheme looks at û."""
+    offsets = _offsets(scheme, substeps)
+    return cells * int((offsets < 1).sum()) + int(offsets[-1] == 1)
 
 
 PathPoints = Literal["nodes", "substeps"]

@@ -39,11 +39,14 @@ class ControlBasis:
     cells: int
     variance: float
     normalised: bool
+    most_ghosts: int | None = None
+    """Ghosts at most; None where û is looked at more often than it has coefficients."""
 
     @property
     def ghosts(self) -> int:
         """Nodes p beyond each end."""
-        return math.ceil(GHOST_REACH * math.sqrt(self.variance)) if self.function.scaled else 0
+        wanted = math.ceil(GHOST_REACH * math.sqrt(self.variance)) if self.function.scaled else 0
+        return wanted if self.most_ghosts is None else min(wanted, self.most_ghosts)
 
     @property
     def count(self) -> int:

@@ -26,6 +26,8 @@ Array = NDArray[np.float64]
 CUT = 1e-8
 """ψ is taken as zero where it stays below this fraction of its largest value."""
 
+LEAST_SUM = 0.5
+"""A variance is refused where the sum of weights falls below this between the nodes."""
 
 GHOST_REACH = 2.0
 """Ghost nodes beyond each end, in units of √D. More change no error, on smooth problems or others,
@@ -183,6 +185,15 @@ def partition_floor(row: GeneratingFunction, variance: float) -> float:
     return float(row.value((s[:, None] - j) / math.sqrt(variance)).sum(axis=1).min())
 
 
+@cache
+def least_variance(name: str) -> float:
+    """Return the smallest variance, to two digits, from which the sum of weights is 1/2 or more."""
+    row = GENERATING_FUNCTIONS[name]
+    hundredths = np.arange(200, 0, -1)  # from variances that do down to the first that does not
+    fails = (int(d) for d in hundredths if partition_floor(row, d / 100) < LEAST_SUM)
+    return (next(fails, 0) + 1) / 100
+
+
 def check_variance(row: GeneratingFunction, variance: float) -> None:
     """Refuse a variance so small that the sum of weights falls below 1/2 anywhere.
 
@@ -190,42 +201,9 @@ def check_variance(row: GeneratingFunction, variance: float) -> None:
         UsageError: naming the smallest variance that would do.
     """
     floor = partition_floor(row, variance)
-    if floor >= 0.5:
-        return
-    candidates = np.geomspace(1e-3, 10, 400)
-    least = next(d for d in candidates if d > variance and partition_floor(row, float(d)) >= 0.5)
-    enough = math.ceil(least * 100) / 100
-    raise UsageError(
-        f"variance {variance:g} is too small for the generating function {row.name}: between the "
-        f"nodes its sum of weights falls to {floor:.2g}; take at least {enough:g}"
-    )
-
-
-def saturation(row: GeneratingFunction, variance: float, normalised: bool) -> float:
-    """Return the error that no refinement removes, for a control that crosses its range in a cell.
-
-    As printed it is that of a constant, max |D^(−1/2) Σ_j ψ((s−j)/√D) − 1|. Normalised weights
-    reproduce constants; what is left is the error for a straight line, max |Σ_j (j−s) w_j(s)|.
-    """
-    if not row.scaled:
-        return 0.0
-    s = np.linspace(0, 1, 65)
-    root = math.sqrt(variance)
-    width = math.ceil(reach(row.name) * root) + 1
-    distance = np.arange(-width, width + 2) - s[:, None]
-    weights = row.value(distance / root)
-    if not normalised:
-        return float(np.abs(weights.sum(axis=1) / root - 1).max())
-    weights = weights / weights.sum(axis=1, keepdims=True)
-    return float(np.abs((distance * weights).sum(axis=1)).max())
-
-
-def smallest_variance(row: GeneratingFunction, normalised: bool, limit: float) -> float:
-    """Return the smallest variance whose saturation is at most `limit`, to two per cent."""
-    low, high = 1e-2, 100.0
-    while high / low > 1.02:
-        middle = math.sqrt(low * high)
-        low, high = (
-            (low, middle) if saturation(row, middle, normalised) <= limit else (middle, high)
+    if floor < LEAST_SUM:
+        raise UsageError(
+            f"variance {variance:g} is too small for the generating function {row.name}: between "
+            f"the nodes its sum of weights falls to {floor:.2g}; take at least "
+            f"{least_variance(row.name):g}"
         )
-    return high

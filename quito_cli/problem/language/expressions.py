@@ -26,6 +26,7 @@ from quito_cli.problem.language.functions import (
     check_one_shape,
     shape_text,
 )
+from quito_cli.problem.language.hints import About
 from quito_cli.problem.language.names import KNOWN_CONSTANTS, is_valid_name, nearest
 from quito_cli.problem.language.operations import COMPARE, operate, product_work, take
 from quito_cli.problem.language.syntax import (
@@ -74,6 +75,7 @@ def evaluate(
     final: Mapping[str, SX] | None = None,
     tables: Mapping[str, TableData] = _NOTHING,
     budget: Budget | None = None,
+    lookups: list[tuple[TableData, SX]] | None = None,
 ) -> SX:
     """Give the value of an expression as a dense SX matrix.
 
@@ -85,12 +87,14 @@ def evaluate(
         final: the same for `final(name)`.
         tables: what `interpolate(x, name)` may read.
         budget: what all formulas of a file may cost together; None for one by itself.
+        lookups: where to note which tables are read, and at what.
 
     Raises:
         ExpressionError: for an unknown name, shapes that do not fit, or too much work.
     """
     boundary = {"initial": initial, "final": final}
-    walk = _Evaluation(expression, scope, refused, boundary, tables, budget or Budget())
+    notes = [] if lookups is None else lookups
+    walk = _Evaluation(expression, scope, refused, boundary, tables, budget or Budget(), notes)
     return walk.value(expression.tree)
 
 
@@ -146,6 +150,7 @@ class _Evaluation:
     boundary: Mapping[str, Mapping[str, SX] | None]
     tables: Mapping[str, TableData]
     budget: Budget
+    lookups: list[tuple[TableData, SX]]
     work: int = 0
 
     def value(self, node: ast.expr) -> SX:
@@ -204,7 +209,8 @@ class _Evaluation:
         if name in self.tables:
             raise self._error(f"'{name}' is a table: write interpolate(x, {name})", node)
         known = (*self.scope, *self.tables)
-        raise self._error(f"unknown name '{name}'{nearest(name, known, 0.5)}", node)
+        message = f"unknown name '{name}'{nearest(name, known, 0.5)}"
+        raise self.expression.error(message, node, About("name", name))
 
     def _boundary_value(self, node: ast.Call, which: str) -> SX:
         """Look up what initial(name) or final(name) stands for."""
@@ -248,6 +254,7 @@ class _Evaluation:
             hint = hint or ": measured data are given by name under `tables:`"
             raise self._error(f"'{name}' is no table{hint}", node.args[-1])
         self._spend(at.numel() * self.tables[name].operations, node)
+        self.lookups.append((self.tables[name], at))
         return row.apply([at, self.tables[name]])
 
     def _condition(self, node: ast.expr) -> SX:

@@ -28,7 +28,7 @@ def is_valid_name(name: str) -> str | None:
     if name in RESERVED:
         return f"'{name}' is reserved: it is {'the time' if name == 't' else 'a known constant'}"
     if keyword.iskeyword(name):
-        return f"'{name}' is a Python keyword"
+        return f"'{name}' cannot be a name: write {name}_, say"
     if _NAME.fullmatch(name) is None:
         return f"'{name}' is no name: names are letters, digits and '_', and begin with a letter"
     return None
@@ -41,9 +41,9 @@ def word_message(word: str) -> str | None:
     if word in {"if", "else"}:
         return "there is no 'if ... else' here: write if_else(condition, a, b)"
     if word in _LOOPS:
-        return f"'{word}' is a Python keyword: there are no loops or comprehensions here"
+        return f"'{word}' cannot be a name, and there are no loops here"
     if keyword.iskeyword(word):
-        return f"'{word}' is a Python keyword and has no meaning here"
+        return f"'{word}' cannot be a name: write {word}_, say"
     if word.startswith("_"):
         return f"'{word}' is no name: names begin with a letter"
     return None

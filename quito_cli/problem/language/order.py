@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from quito_cli.problem.language.functions import FUNCTIONS
+from quito_cli.problem.language.hints import About
 from quito_cli.problem.language.names import WORD_OPERATORS
 from quito_cli.problem.language.tokens import Token
 
@@ -152,7 +153,11 @@ class _Order:
             raise token.error(
                 f"a product needs its '*': write it between '{last.text}' and '{text}'"
             )
-        raise token.error(f"a product needs its '*': write {last.text}*{text}")
+        unit = last.kind == "number" and token.kind == "name"
+        raise token.error(
+            f"a product needs its '*': write {last.text}*{text}",
+            About("unit", text, last.text) if unit else None,
+        )
 
     def _check_comma(self, token: Token) -> None:
         """Allow a comma between arguments, entries and indices only."""

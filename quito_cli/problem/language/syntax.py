@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from quito_cli.problem.language.functions import BOUNDARY_FUNCTIONS, FUNCTIONS
+from quito_cli.problem.language.hints import LISTED, About, function_hint
 from quito_cli.problem.language.names import KNOWN_CONSTANTS, nearest
 from quito_cli.problem.language.order import MAX_DEPTH, TOO_DEEP, check_order
 from quito_cli.problem.language.tokens import ExpressionError, Token, read_tokens
@@ -65,9 +66,9 @@ class Expression:
         start, length = self.span(node)
         return " ".join(self.text[start : start + length].split())
 
-    def error(self, message: str, node: ast.expr) -> ExpressionError:
+    def error(self, message: str, node: ast.expr, about: About | None = None) -> ExpressionError:
         """Give the complaint that points at a node."""
-        return ExpressionError(message, *self.span(node))
+        return ExpressionError(message, *self.span(node), about)
 
 
 @dataclass(frozen=True)
@@ -273,9 +274,11 @@ def _function_name(whole: Expression, node: ast.Call) -> str:
             raise whole.error(f"{name}() takes a name alone, {example}", node)
         return name
     if name not in FUNCTIONS:
-        hint = nearest(name, (*FUNCTIONS, *BOUNDARY_FUNCTIONS), 0.7)
-        hint = hint or f"; write {name}*(...) for a product"
-        raise whole.error(f"'{name}' is not a function{hint}", node.func)
+        argument = whole.source_of(node.args[0]) if node.args else ""
+        hint = function_hint(name, argument)
+        hint = hint or nearest(name, (*FUNCTIONS, *BOUNDARY_FUNCTIONS), 0.7) or LISTED
+        about = About("call", name, argument)
+        raise whole.error(f"'{name}' is not a function{hint}", node.func, about)
     row = FUNCTIONS[name]
     message = row.count_message(given)
     if message is not None:

@@ -12,6 +12,12 @@ import re
 import unicodedata
 from typing import Final, NamedTuple
 
+from quito_cli.problem.language.hints import (
+    DOTTED_INFINITY,
+    About,
+    attribute_message,
+    degrees,
+)
 from quito_cli.problem.language.names import word_message
 
 MAX_LENGTH: Final = 10_000
@@ -66,17 +72,30 @@ _REFUSED: Final = {
     "\N{GREATER-THAN OR EQUAL TO}": "this comparison is written '>='",
     "\N{NOT EQUAL TO}": "this comparison is written '!='",
     "\N{GREEK SMALL LETTER PI}": "the number is written 'pi'",
+    "\N{INFINITY}": DOTTED_INFINITY,
 }
+
+_PRIME: Final = (
+    "a prime has no meaning here: a transpose is written transpose(...), "
+    "and a line of `dynamics` is the derivative itself"
+)
+_OPENED: Final = {
+    "|": "an absolute value is written abs(...)",
+    "||": "the length of a vector is written norm(...)",
+}
+"""What is said of symbols where an operand has to begin."""
 
 
 class ExpressionError(Exception):
     """What is wrong with an expression, and where in the text as the user wrote it.
 
-    `offset` counts characters from 0; `length` is the number of characters to underline.
+    `offset` counts characters from 0; `length` is the number of characters to underline. `about`
+    is for those who know more than the parser: which names there are.
     """
 
-    def __init__(self, message: str, offset: int, length: int) -> None:
+    def __init__(self, message: str, offset: int, length: int, about: About | None = None) -> None:
         super().__init__(message, offset, length)
+        self.about = about
         self.message = message
         self.offset = offset
         self.length = length
@@ -92,9 +111,9 @@ class Token(NamedTuple):
     text: str
     offset: int
 
-    def error(self, message: str) -> ExpressionError:
+    def error(self, message: str, about: About | None = None) -> ExpressionError:
         """Give the complaint that points at this token."""
-        return ExpressionError(message, self.offset, len(self.text))
+        return ExpressionError(message, self.offset, len(self.text), about)
 
 
 def read_tokens(text: str) -> list[Token]:
@@ -110,9 +129,35 @@ def read_tokens(text: str) -> list[Token]:
     tokens = [Token(str(match.lastgroup), match.group(), match.start()) for match in matches]
     if not tokens:
         raise ExpressionError("the expression is empty", 0, len(text))
-    for token in tokens:
+    for i, token in enumerate(tokens):
+        if remedy := _message_among(tokens, i):
+            raise token.error(remedy)
         _refuse_alone(token)
     return tokens
+
+
+def _message_among(tokens: list[Token], i: int) -> str | None:
+    """Say what a symbol was meant to be where its neighbours tell."""
+    token, before = tokens[i], tokens[i - 1] if i else None
+    after = tokens[i + 1].text if i + 1 < len(tokens) else ""
+    if token.text == "." and after in ("inf", "Inf", "INF"):
+        return DOTTED_INFINITY
+    if token.text == "\N{DEGREE SIGN}":
+        return degrees(before.text if before is not None and before.kind == "number" else "")
+    if before is None or not (before.kind in ("number", "name") or before.text in ")]"):
+        return _OPENED.get(token.text)
+    if token.text == "'" and sum(other.text == "'" for other in tokens) % 2:
+        return _PRIME  # and no quotes around a text
+    return _after_operand(before, token, after)
+
+
+def _after_operand(before: Token, token: Token, after: str) -> str | None:
+    """Say what a symbol between an operand and what comes next was meant to be."""
+    if token.text == "." and before.kind == "name":
+        return attribute_message(before.text, after)
+    if token.text == "%" and before.kind == "number" and not after:
+        return f"a percentage is written as a number, {before.text}/100"
+    return None
 
 
 def _refuse_alone(token: Token) -> None:
@@ -124,7 +169,7 @@ def _refuse_alone(token: Token) -> None:
     if token.kind == "name":
         message = word_message(token.text)
         if message is not None:
-            raise token.error(message)
+            raise token.error(message, About("name", token.text))
     if token.kind == "number":
         if math.isinf(float(token.text)):
             raise token.error("this number is not finite: it is too large for a double")

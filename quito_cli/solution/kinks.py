@@ -1,0 +1,79 @@
+"""Kinks: where an answer sits on a corner of a formula, which Newton's method cannot settle on.
+
+abs, sign, min, max and the comparisons of if_else have a corner or a jump where their argument is
+zero (or both arguments are equal). The formula's operations are gone through once, and what each
+corner depends on is made an output of its own.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+Array = NDArray[np.float64]
+
+NEAR = 1e-3
+"""A corner this near, relative to the size its argument has along the horizon, is sat on."""
+MANY = 0.02
+"""Part of the nodes at which a corner is sat on rather than crossed."""
+
+
+def corners(function: ca.Function) -> list[tuple[str, ca.SX]]:
+    """Return the name of each corner of an SX function, and what is zero there, by its inputs."""
+    import casadi as ca
+
+    names = {
+        ca.OP_FABS: "abs",
+        ca.OP_SIGN: "sign",
+        ca.OP_FMIN: "min",
+        ca.OP_FMAX: "max",
+        ca.OP_LT: "if_else",
+        ca.OP_LE: "if_else",
+    }
+    inputs = function.sx_in()
+    work = [ca.SX(0)] * function.sz_w()
+    found: list[tuple[str, ca.SX]] = []
+    for i in range(function.n_instructions()):
+        operation, into = function.instruction_id(i), function.instruction_output(i)
+        read = function.instruction_input(i)
+        if operation == ca.OP_CONST:
+            work[into[0]] = ca.SX(function.instruction_constant(i))
+        elif operation == ca.OP_INPUT:
+            work[into[0]] = inputs[read[0]].nz[read[1]]
+        elif operation != ca.OP_OUTPUT:
+            arguments = [work[j] for j in read]
+            if operation in names:
+                found.append(
+                    (names[operation], arguments[0] - (0 if len(read) == 1 else arguments[1]))
+                )
+            combine = ca.SX.unary if len(read) == 1 else ca.SX.binary
+            work[into[0]] = combine(operation, *arguments)
+    return found
+
+
+def sat_on(
+    model_inputs: list[ca.SX], expression: ca.SX, points: tuple[Array, ...]
+) -> tuple[str, int] | None:
+    """Return the name of a corner that many points sit on, and the first such point.
+
+    Args:
+        model_inputs: symbols of `expression`.
+        expression: a formula along the horizon.
+        points: values of the symbols, (size, points) each.
+    """
+    import casadi as ca
+
+    function = ca.Function("formula", model_inputs, [ca.vec(ca.densify(expression))])
+    found = corners(function)
+    zero = ca.Function("corners", function.sx_in(), [ca.vertcat(*(a for _, a in found))])
+    values = np.abs(np.array(zero.map(points[-1].shape[-1])(*points)))
+    for (name, _), row in zip(found, values, strict=True):
+        near = row <= NEAR * float(np.nanmax(row, initial=0.0))
+        if near.mean() > MANY:
+            return name, int(np.argmax(near))
+    return None

@@ -1,0 +1,47 @@
+"""What the tests of README and guide share: their blocks, and the command line in this process."""
+
+from __future__ import annotations
+
+import re
+import sys
+from dataclasses import dataclass
+
+import pytest
+
+from quito_cli.cli.app import main
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block of a Markdown page."""
+
+    language: str
+    text: str
+    mark: str
+    """The HTML comment on the line before it, without its signs; or nothing."""
+
+
+def blocks(page: str) -> list[Block]:
+    """Return the fenced blocks of a page, in order."""
+    fenced = re.compile(r"(?:<!-- ([^\n]*?) -->\n)?^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+    return [Block(found[2], found[3], found[1] or "") for found in fenced.finditer(page)]
+
+
+def prose(page: str) -> str:
+    """Return a page without its fenced blocks."""
+    return re.sub(r"^```\w*\n.*?^```$", "", page, flags=re.DOTALL | re.MULTILINE)
+
+
+def code_spans(page: str) -> list[str]:
+    """Return what stands between backquotes in the prose of a page."""
+    return [" ".join(span.split()) for span in re.findall(r"`([^`]+)`", prose(page))]
+
+
+def run(arguments: list[str], monkeypatch: pytest.MonkeyPatch) -> int:
+    """Run `quito` with these arguments in this process; return its exit code."""
+    monkeypatch.setattr(sys, "argv", ["quito", *arguments])
+    try:
+        main()
+    except SystemExit as left:
+        return int(left.code or 0)
+    return 0
