@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from quito_cli.cli.text import columns, labelled, plain
+from quito_cli.solve import Options
 
 if TYPE_CHECKING:
     from quito_cli.solution.solution import Solution, Statistics
@@ -113,8 +114,9 @@ def _figures(solution: Solution) -> list[tuple[str, str]]:
         ("cost", _cost(solution)),
         ("iterations", times),
         ("method", _method(solution.options)),
-        ("program", _program(statistics)),
     ]
+    if statistics.program == "QP" or statistics.solver != Options.solver:
+        rows.append(("program", _program(statistics)))
     if solution.origin.free_times:
         rows.append(("horizon", f"{solution.times[0]:.9g} to {solution.times[-1]:.9g}"))
     if solution.origin.parameters:
@@ -168,8 +170,7 @@ def _method(options: Any) -> str:
 
 def _program(statistics: Statistics) -> str:
     kind = "a quadratic program" if statistics.program == "QP" else "a nonlinear program"
-    sizes = f"{statistics.unknowns} unknowns, {statistics.constraints} constraints"
-    return f"{kind} of {sizes}, by {statistics.solver}"
+    return f"{kind}, by {statistics.solver}"
 
 
 def _violation(solution: Solution) -> str:
@@ -198,6 +199,7 @@ def _options(solution: Solution) -> list[tuple[str, str]]:
             for name, value in solution.options.items()
             if value is not None and value != {}
         ),
+        ("size", f"{statistics.unknowns} unknowns, {statistics.constraints} constraints"),
         ("solver", f"{statistics.solver}: {statistics.solver_said}"),
     ]
 

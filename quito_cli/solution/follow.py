@@ -11,6 +11,7 @@ from quito_cli.errors import UsageError
 from quito_cli.problem.model import GuessFunction, Instant, Model, Variable, labels
 from quito_cli.solution.solution import Quantity, Solution
 from quito_cli.solvers import Start, start_at
+from quito_cli.transcription.control import ControlBasis
 from quito_cli.transcription.rows import Rows
 from quito_cli.transcription.transcribe import Nlp
 
@@ -94,7 +95,7 @@ def resumed(nlp: Nlp, earlier: Solution) -> tuple[Nlp, Start]:
     method, first = made.method, made.layout.first_coefficient
     guess = nlp.guess.copy()
     names = [quantity.name for quantity in earlier.origin.controls]
-    same = method.basis == earlier.basis and names == list(labels(made.model.controls))
+    same = _alike(method.basis, earlier.basis) and names == list(labels(made.model.controls))
     nodes = method.mesh.fractions
     if same and np.allclose(nodes, earlier.mesh.fractions, rtol=0, atol=ROUNDING):
         guess[first:] = earlier.coefficients.ravel() / nlp.unit[first:]
@@ -103,6 +104,13 @@ def resumed(nlp: Nlp, earlier: Solution) -> tuple[Nlp, Start]:
     for block in nlp.blocks:
         lam_g[block.rows] = _multipliers(block, earlier).ravel()
     return nlp, start_at(nlp, lam_g * nlp.objective_scale / nlp.row_scale)
+
+
+def _alike(one: ControlBasis, other: ControlBasis) -> bool:
+    """Whether the coefficients of two controls mean the same."""
+    counts = (one.cells, one.ghosts) == (other.cells, other.ghosts)
+    weights = (one.variance, one.normalised) == (other.variance, other.normalised)
+    return counts and weights and one.function.name == other.function.name
 
 
 def _multipliers(block: Rows, earlier: Solution) -> Array:
