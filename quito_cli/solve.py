@@ -135,6 +135,11 @@ def solve(
     _refuse_too_large(model, chosen, "steps" in given)
     if chosen.warm_start and earlier is None:
         raise UsageError("a warm start needs an earlier result: give one with --guess")
+    if chosen.warm_start and earlier is not None and earlier.origin.name != problem.name:
+        raise UsageError(
+            f"a warm start takes the multipliers of the same problem, and the result is one of "
+            f"{earlier.origin.name}: leave --warm-start out to take it as a guess alone"
+        )
     points = [constraint.at for constraint in model.constraints.point]
     method = Discretization(
         Mesh.through(chosen.steps, np.array(points, dtype=float)),
@@ -246,7 +251,7 @@ def control_basis(options: Options) -> ControlBasis:
     check_variance(row, options.variance)
     basis = ControlBasis(row, options.steps, options.variance, options.normalised)
     seen = points_seen(scheme(options.discretization), options.substeps, options.steps)
-    most = max(0, (seen - options.steps - 1) // 2)
+    most = max(-1 if options.steps > 2 else 0, (seen - options.steps - 1) // 2)
     return basis if basis.ghosts <= most else replace(basis, most_ghosts=most)
 
 

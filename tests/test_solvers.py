@@ -603,3 +603,42 @@ def test_every_row_is_in_the_table(capsys: pytest.CaptureFixture[str]) -> None:
     for row in ABSENT:
         if not available(row):
             assert any(line.startswith(row.name) and row.provides in line for line in lines)
+
+
+UNDEFINED = """
+time: {initial: 0, final: 1}
+states: {x: {initial: -1}}
+controls: {u: {lower: -5, upper: 5}}
+dynamics: {x: u - log(x)}
+cost: {lagrange: (x + 1)^2 + 0.01*u^2}
+"""
+OUT_OF_REACH = """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0, final: 3}}
+controls: {u: {lower: -1, upper: 1}}
+dynamics: {x: u}
+cost: {lagrange: u^2}
+"""
+
+
+@pytest.mark.parametrize("name", ["scipy-trust-constr", "scipy-slsqp", "fatrop", "sleqp", "uno"])
+def test_an_undefined_guess_is_told_and_does_not_hang(name: str) -> None:
+    found = quito.solve(load_text(UNDEFINED, "test.yaml"), steps=8, solver=name)
+    assert found.status is Status.NOT_FINITE
+    assert "dynamics.x is not finite at node 0" in found.evidence.diagnosis[0]
+
+
+@pytest.mark.parametrize("name", ["fatrop", "highs", "qrqp", "qpoases"])
+def test_what_is_out_of_reach_is_not_called_a_matter_of_iterations(name: str) -> None:
+    found = quito.solve(load_text(OUT_OF_REACH, "test.yaml"), steps=10, solver=name)
+    assert not found.success
+    assert found.status is not Status.ITERATION_LIMIT
+    told = " ".join(found.evidence.diagnosis)
+    assert "No condition fails by much" not in told
+    assert "x ends at" in told
+
+
+def test_a_warm_start_is_one_of_the_same_problem() -> None:
+    other = quito.solve("van_der_pol", steps=10)
+    with pytest.raises(quito.UsageError, match="the result is one of van_der_pol"):
+        quito.solve("rayleigh", steps=10, guess=other, warm_start=True)

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+FELT = 1e-3
+"""A violation, scaled, that is more than a tolerance not reached."""
 RUNAWAY = 1e8
 """Unknowns in their units that are no answer any more."""
 _RUNS_AWAY = "The cost runs away with"
@@ -71,8 +73,15 @@ def diagnose(
             "complementarity": residuals.complementarity,
         }
         worst = max(kinds, key=kinds.__getitem__)
-        sentences = [f"No condition fails by much, but the {worst} residual is {kinds[worst]:.2g}."]
-    if (hint := _HINTS.get(outcome.status)) and not sentences[-1].startswith(_RUNS_AWAY):
+        if residuals.feasibility > FELT:
+            sentences = [f"A bound or an end condition is violated by {residuals.feasibility:.2g}."]
+        else:
+            sentences = [
+                f"No condition fails by much, but the {worst} residual is {kinds[worst]:.2g}."
+            ]
+    beyond = outcome.status is Status.FAILED and residuals.feasibility > FELT
+    status = Status.INFEASIBLE if beyond else outcome.status
+    if (hint := _HINTS.get(status)) and not sentences[-1].startswith(_RUNS_AWAY):
         sentences.append(hint)
     return tuple(sentences)
 

@@ -45,7 +45,7 @@ def read(file: h5py.File) -> Solution:
         len(control["mesh"]) - 1,
         float(control.attrs["variance"]),
         bool(control.attrs["normalised"]),
-        None if control.attrs["most_ghosts"] < 0 else int(control.attrs["most_ghosts"]),
+        int(control.attrs["most_ghosts"]) if "most_ghosts" in control.attrs else None,
     )
     interpolation = file["interpolation"]
     kind = interpolation.attrs["kind"]

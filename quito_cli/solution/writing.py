@@ -165,7 +165,8 @@ def _write_control(into: _Group, solution: Solution) -> None:
     into.group.attrs["generating_function"] = basis.function.name
     into.group.attrs["variance"] = basis.variance
     into.group.attrs["normalised"] = basis.normalised
-    into.group.attrs["most_ghosts"] = -1 if basis.most_ghosts is None else basis.most_ghosts
+    if basis.most_ghosts is not None:
+        into.group.attrs["most_ghosts"] = basis.most_ghosts
 
 
 def _write_statistics(into: _Group, solution: Solution) -> None:

@@ -130,6 +130,8 @@ def _solved(nlp: Nlp, request: Request, start: Start | None) -> Outcome:
 
     whole = Program.of(nlp, start)
     row = request.backend
+    if (row.isolated or row.engine == "scipy") and not whole.finite(whole.guess):
+        return _undefined(whole, row)  # some of these would never end
     program = whole.of_free_unknowns() if row.only_free else whole
     engine = child.solve if row.isolated else ENGINES[row.engine]()
     outcome = engine(program, request)
@@ -138,6 +140,13 @@ def _solved(nlp: Nlp, request: Request, start: Start | None) -> Outcome:
     w, lam_w = np.where(whole.free, 0.0, whole.lower), np.zeros(len(whole.lower))
     w[whole.free], lam_w[whole.free] = outcome.w, outcome.lam_w
     return replace(outcome, w=w, lam_w=lam_w)
+
+
+def _undefined(program: Program, row: Backend) -> Outcome:
+    """Return the guess, at which something is not finite."""
+    zeros = np.zeros(len(program.row_lower)), np.zeros(len(program.guess))
+    said = "not asked: the guess is undefined"
+    return Outcome(Status.NOT_FINITE, program.guess, *zeros, 0, {}, 0.0, 0.0, said, row.name)
 
 
 def _judge(said: Status, found: Residuals, tolerance: float) -> Status:

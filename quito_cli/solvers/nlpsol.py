@@ -73,7 +73,7 @@ def solve(program: Program, request: Request) -> Outcome:
     if failure is not None:
         status, said, statistics = Status.FAILED, failure, {}
     _refuse_invalid(request, said)
-    if status is Status.FAILED and _at_limit(request, statistics):
+    if status in (Status.FAILED, Status.STUCK) and _at_limit(request, statistics):
         status = Status.ITERATION_LIMIT
     if watch is not None and interruption.requested and status is not Status.SOLVED:
         status = Status.INTERRUPTED

@@ -54,6 +54,11 @@ class Program:
     start: Start | None
     """None starts cold."""
 
+    def finite(self, w: Array) -> bool:
+        """Whether cost, rows and their first derivatives are finite at `w`."""
+        values = (*self.gradient(w, []), *self.jacobian(w, []))
+        return all(np.isfinite(value.nonzeros()).all() for value in values)
+
     @classmethod
     def of(cls, nlp: Nlp, start: Start | None) -> Program:
         """Return what a solver needs of `nlp`."""

@@ -238,7 +238,7 @@ ROWS = (
             "nlp_jac_g": ("g", "jac_g_x"),
             "nlp_hess_l": ("grad_gamma_x", "hess_gamma_x_x"),
         },
-        statuses={"0": Status.SOLVED, "1": Status.ITERATION_LIMIT},
+        statuses={"0": Status.SOLVED, "1": Status.STUCK},
         isolated=True,
         most_unknowns=2000,
     ),

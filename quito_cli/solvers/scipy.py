@@ -105,6 +105,10 @@ def solve(program: Program, request: Request) -> Outcome:
         except _StopRequested:
             w, said, status, iterations = at.latest, "stopped", Status.INTERRUPTED, at.iterations
             multipliers = _recovered(program, at, w)
+        except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
+            w, said, iterations = at.latest, str(error), at.iterations
+            status = Status.FAILED if program.finite(w) else Status.NOT_FINITE
+            multipliers = np.zeros(len(program.row_lower)), np.zeros(len(w))
     seconds = time.perf_counter() - started
     return Outcome(status, w, *multipliers, iterations, {}, 0.0, seconds, said, row.name)
 

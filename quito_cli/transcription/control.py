@@ -40,7 +40,8 @@ class ControlBasis:
     variance: float
     normalised: bool
     most_ghosts: int | None = None
-    """Ghosts at most; None where û is looked at more often than it has coefficients."""
+    """Ghosts at most; None where û is looked at more often than it has coefficients. At −1 the end
+    nodes have none either: explicit Euler never looks at the end."""
 
     @property
     def ghosts(self) -> int:
