@@ -931,7 +931,7 @@ def test_ctrl_c_keeps_the_best_iterate(tmp_path: Path) -> None:
         interrupt_at="iteration    2",
     )
     assert seen.code == 130
-    assert "Not solved. Interrupted: this is the best iterate so far." in seen.out
+    assert "Not solved. Interrupted: this is the best iterate so far" in seen.out
     assert "Saved results/van_der_pol.h5" in seen.out
     assert "Traceback" not in seen.terminal + seen.out
     solution = quito.Solution.load(tmp_path / "results" / "van_der_pol.h5")

@@ -27,7 +27,7 @@ class Status(Enum):
     STUCK = "The solver could not make further progress."
     DIVERGED = "The iterates diverge: the problem may be unbounded."
     TOO_FEW_FREEDOMS = "The discretized problem has more equations than unknowns."
-    INTERRUPTED = "Interrupted: this is the best iterate so far."
+    INTERRUPTED = "Interrupted: this is the best iterate so far; the guess, if there is none."
     FAILED = "The solver failed."
 
 
