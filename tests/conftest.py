@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,14 @@ dynamics: {x: u}
 cost: {lagrange: 0.5*(x^2 + u^2)}
 """
 """V(t, x) = tanh(1 − t) x²/2, so x = cosh(1−t)/cosh 1, u = −sinh(1−t)/cosh 1, λ = −u."""
+
+
+@pytest.fixture(autouse=True)
+def garbage_is_collected() -> Iterator[None]:
+    """A command turns the collector off for good; the tests have more to come."""
+    yield
+    gc.unfreeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session")

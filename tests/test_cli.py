@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import gc
 import io
 import json
 import os
@@ -17,7 +16,7 @@ import sys
 import tempfile
 import time
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -37,7 +36,10 @@ from quito_cli.solvers.outcome import Status
 ROOT = Path(__file__).parent.parent
 ACCEPTED = ROOT / "tests" / "problems" / "accepted"
 BUNDLED = sorted(path.stem for path in (ROOT / "problems").glob("*.yaml"))
-COMMANDS = ("solve", "check", "list", "show", "new", "plot", "generating-functions", "schema")
+COMMANDS = (
+    *("solve", "check", "list", "show", "new", "plot", "generating-functions", "solvers"),
+    "schema",
+)
 MAGIC = {"png": b"\x89PNG\r\n\x1a\n", "pdf": b"%PDF-", "svg": b"<?xml"}
 HEAVY = ("casadi", "h5py", "matplotlib", "numpy", "pydantic", "yaml")
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
@@ -69,14 +71,6 @@ class Ran:
 
 
 Quito = Callable[..., Ran]
-
-
-@pytest.fixture(autouse=True)
-def garbage_is_collected() -> Iterator[None]:
-    """A command turns the collector off for good; the tests have more to come."""
-    yield
-    gc.unfreeze()
-    gc.enable()
 
 
 @pytest.fixture

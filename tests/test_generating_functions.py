@@ -3,12 +3,11 @@ command that prints it, the warning of a solve, and what each of the six makes o
 
 from __future__ import annotations
 
-import gc
 import json
 import math
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -345,14 +344,6 @@ def test_where_no_variance_will_do_it_says_so() -> None:
 
 
 # The command
-
-
-@pytest.fixture(autouse=True)
-def garbage_is_collected() -> Iterator[None]:
-    """A command turns the collector off for good; the tests have more to come."""
-    yield
-    gc.unfreeze()
-    gc.enable()
 
 
 @pytest.fixture

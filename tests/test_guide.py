@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import gc
 import json
 import math
 import re
 import shlex
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -28,14 +27,6 @@ FOLDER = ROOT / "problems"
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in sorted(FOLDER.glob("*.md"))}
 NO_FAMILY = {"README.md", "options.md"}
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
-
-
-@pytest.fixture(autouse=True)
-def garbage_is_collected() -> Iterator[None]:
-    """A command turns the collector off for good; the tests have more to come."""
-    yield
-    gc.unfreeze()
-    gc.enable()
 
 
 # What a page shows, step by step

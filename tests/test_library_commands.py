@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import gc
 import io
 import json
 import os
@@ -14,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 import termios
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -105,14 +104,6 @@ class Ran:
 
 
 Quito = Callable[..., Ran]
-
-
-@pytest.fixture(autouse=True)
-def garbage_is_collected() -> Iterator[None]:
-    """A command turns the collector off for good; the tests have more to come."""
-    yield
-    gc.unfreeze()
-    gc.enable()
 
 
 @pytest.fixture

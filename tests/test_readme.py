@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import gc
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -41,14 +39,6 @@ def section(title: str) -> str:
     )
     assert found, title
     return found[1]
-
-
-@pytest.fixture(autouse=True)
-def garbage_is_collected() -> Iterator[None]:
-    """A command turns the collector off for good; the tests have more to come."""
-    yield
-    gc.unfreeze()
-    gc.enable()
 
 
 # The example
