@@ -245,3 +245,18 @@ cost: {lagrange: u^2 + x^2}
     by_state = text.replace("interpolate(t, heat)", "interpolate(x - 1, heat)")
     (warning,) = (w for w in solve(by_state, steps=40).evidence.warnings if "table" in w)
     assert "beyond its ends 0 and 3" in warning
+
+
+def test_a_corner_that_is_crossed_is_not_sat_on(solve: Solve) -> None:
+    """Nor is a break of a table: with few cells one node is a large part of all."""
+    text = """
+time: {initial: 0, final: 1}
+tables: {a: {x: [0, 0.25, 0.5, 2], y: [0, 1, 0, 1], method: linear}}
+states: {x: {initial: 0, final: 9}}
+controls: {u: {lower: -1, upper: 1}}
+dynamics: {x: "u + 0.1*interpolate(t, a) + 0.1*abs(t - 0.5)"}
+cost: {lagrange: u^2}
+"""
+    found = solve(text, steps=8, max_iterations=40)
+    assert not found.success
+    assert not [s for s in found.evidence.diagnosis if "corner" in s]

@@ -19,8 +19,8 @@ Array = NDArray[np.float64]
 
 NEAR = 1e-3
 """A corner this near, relative to the size its argument has along the horizon, is sat on."""
-MANY = 0.02
-"""Part of the nodes at which a corner is sat on rather than crossed."""
+RUN = 3
+"""Nodes in a row at which a corner is sat on rather than crossed."""
 
 
 def corners(function: ca.Function) -> list[tuple[str, ca.SX]]:
@@ -59,7 +59,7 @@ def corners(function: ca.Function) -> list[tuple[str, ca.SX]]:
 def sat_on(
     model_inputs: list[ca.SX], expression: ca.SX, points: tuple[Array, ...]
 ) -> tuple[str, int] | None:
-    """Return the name of a corner that many points sit on, and the first such point.
+    """Return the name of a corner that points in a row sit on, and the first of them.
 
     Args:
         model_inputs: symbols of `expression`.
@@ -74,6 +74,7 @@ def sat_on(
     values = np.abs(np.array(zero.map(points[-1].shape[-1])(*points)))
     for (name, _), row in zip(found, values, strict=True):
         near = row <= NEAR * float(np.nanmax(row, initial=0.0))
-        if near.mean() > MANY:
-            return name, int(np.argmax(near))
+        starts = np.convolve(near, np.ones(RUN), mode="valid") == RUN
+        if starts.any():
+            return name, int(np.argmax(starts))
     return None

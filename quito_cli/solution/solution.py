@@ -198,11 +198,8 @@ class Solution:
         """Return û at times t, (len(t), n_u), continuous from the right; ends hold beyond."""
         start, end = self.times[0], self.times[-1]
         times = np.clip(np.atleast_1d(np.asarray(t, dtype=float)), start, end)
-        cells = np.clip(
-            np.searchsorted(self.times, times, side="right") - 1, 0, len(self.times) - 2
-        )
-        offsets = (times - self.times[cells]) / np.diff(self.times)[cells]
-        return self.basis.evaluate(self.coefficients, cells, np.clip(offsets, 0.0, 1.0))
+        cells, offsets = self.mesh.locate((times - start) / (end - start))
+        return self.basis.evaluate(self.coefficients, cells, offsets)
 
     def state(self, t: ArrayLike) -> Array:
         """Return the states at times t, (len(t), n_x), interpolated by the scheme's order."""
