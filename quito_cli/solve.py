@@ -133,13 +133,7 @@ def solve(
     if earlier is not None:
         model = guided(model, earlier)
     _refuse_too_large(model, chosen, "steps" in given)
-    if chosen.warm_start and earlier is None:
-        raise UsageError("a warm start needs an earlier result: give one with --guess")
-    if chosen.warm_start and earlier is not None and earlier.origin.name != problem.name:
-        raise UsageError(
-            f"a warm start takes the multipliers of the same problem, and the result is one of "
-            f"{earlier.origin.name}: leave --warm-start out to take it as a guess alone"
-        )
+    _refuse_warm_start(chosen, earlier, problem)
     points = [constraint.at for constraint in model.constraints.point]
     method = Discretization(
         Mesh.through(chosen.steps, np.array(points, dtype=float)),
@@ -196,6 +190,21 @@ def _minimised(
         outcome, residuals = minimise(nlp, *settings, None)
         outcome = outcome.following(before)
     return nlp, outcome, residuals, seconds
+
+
+def _refuse_warm_start(options: Options, earlier: Solution | None, problem: Problem) -> None:
+    """Refuse a warm start without a result of the same problem.
+
+    Raises:
+        UsageError: there is none, or one of another problem.
+    """
+    if options.warm_start and earlier is None:
+        raise UsageError("a warm start needs an earlier result: give one with --guess")
+    if options.warm_start and earlier is not None and earlier.origin.name != problem.name:
+        raise UsageError(
+            f"a warm start takes the multipliers of the same problem, and the result is one of "
+            f"{earlier.origin.name}: leave --warm-start out to take it as a guess alone"
+        )
 
 
 def _refuse_too_large(model: Model, options: Options, asked: bool) -> None:
