@@ -187,9 +187,11 @@ def test_options_reach_the_solution(quito_: Quito, tmp_path: Path) -> None:
     quito_("solve", file, "-N", "9", "--generating-function", "5", "--variance", "1.5", "-q")
     solution = quito.Solution.load(tmp_path / "results" / "push.h5")
     assert len(solution.times) == 10
-    assert (solution.basis.function.name, solution.basis.variance) == ("trigonometric", 1.5)
+    expected = {"generating_function": "trigonometric", "variance": 1.5, "normalised": True}
+    assert solution.basis.attributes == expected
     quito_("solve", file, "-N", "9", "--control", "piecewise-constant", "-q")
-    assert quito.Solution.load(tmp_path / "results" / "push.h5").basis.function.name == "box"
+    solution = quito.Solution.load(tmp_path / "results" / "push.h5")
+    assert solution.basis.attributes["generating_function"] == "box"
 
 
 def test_solver_options_reach_the_solver(quito_: Quito, tmp_path: Path) -> None:

@@ -863,7 +863,9 @@ def test_guesses_by_expression_list_and_table(model: Build) -> None:
     expected = [2 * np.sin(t), t**2, 2 + 0 * t, table, t, 1 - t, 2 * t, 3 + 0 * t]
     expected[0][0] = 0  # the initial value is known
     assert states == pytest.approx(np.column_stack(expected), abs=1e-12)
-    ghosts = nlp.transcription.method.basis.ghosts
+    basis = nlp.transcription.method.basis
+    assert isinstance(basis, ControlBasis)
+    ghosts = basis.ghosts
     assert controls[ghosts : ghosts + 7] == pytest.approx(
         np.column_stack([t, -1 + 0 * t]), abs=1e-12
     )

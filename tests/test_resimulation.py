@@ -36,6 +36,10 @@ def constant(value: float, cells: int = 20) -> Control:
     return Control(basis, Mesh.uniform(cells), np.full((cells, 1), value))
 
 
+def ends(substeps: int) -> Array:
+    return np.linspace(0, 1, substeps + 1)
+
+
 def wave(function: str, cells: int, controls: int = 1) -> Control:
     row = GENERATING_FUNCTIONS[function]
     basis = ControlBasis(row, cells, 2.0 if row.scaled else 1.0, True)
@@ -71,7 +75,7 @@ def by_scipy(
 def test_it_agrees_with_another_integrator(function: str, substeps: int, model: Build) -> None:
     given, control = model("van_der_pol"), wave(function, 12)
     start = np.array([0.0, 1.0])
-    found = resimulate(given, control, substeps, (0.0, 4.0), start, np.zeros(0))
+    found = resimulate(given, control, ends(substeps), (0.0, 4.0), start, np.zeros(0))
     states, cost = by_scipy(given, control, (0.0, 4.0), start, substeps)
     assert found.states.shape == (12 * substeps + 1, 2)
     limit = 1e-6 if function == "box" else 1e-7
@@ -90,7 +94,7 @@ cost: {lagrange: "dot(x, x) + u[0]*t", mayer: "y*t + initial(x)[0]"}
 """
     given, control = model(text), wave("gaussian", 10, controls=2)
     start = np.array([1.0, 0.0, 0.4])
-    found = resimulate(given, control, 2, (1.0, 2.5), start, np.zeros(0))
+    found = resimulate(given, control, ends(2), (1.0, 2.5), start, np.zeros(0))
     states, cost = by_scipy(given, control, (1.0, 2.5), start, 2)
     assert found.states == pytest.approx(states, abs=1e-8)
     assert found.cost == pytest.approx(cost, abs=1e-8)
@@ -98,7 +102,7 @@ cost: {lagrange: "dot(x, x) + u[0]*t", mayer: "y*t + initial(x)[0]"}
 
 def test_closed_form(model: Build) -> None:
     given = model(one_state("u*x*cos(t)", "x*cos(t)", mayer="x"))
-    found = resimulate(given, constant(1.0), 2, (0.0, 2.0), np.ones(1), np.zeros(0))
+    found = resimulate(given, constant(1.0), ends(2), (0.0, 2.0), np.ones(1), np.zeros(0))
     t = np.linspace(0, 2, 41)
     assert found.states[:, 0] == pytest.approx(np.exp(np.sin(t)), abs=1e-10)
     assert found.cost == pytest.approx(2 * np.exp(np.sin(2)) - 1, abs=1e-10)
@@ -108,21 +112,21 @@ def test_closed_form(model: Build) -> None:
 def test_the_accuracy_is_told_honestly(model: Build) -> None:
     """Stiff beyond the finest step: the figure says that the result is not to be trusted."""
     given = model(one_state("-3e4*(x - cos(t)) + u"))
-    found = resimulate(given, constant(0.0, 5), 1, (0.0, 2.0), np.ones(1), np.zeros(0))
+    found = resimulate(given, constant(0.0, 5), ends(1), (0.0, 2.0), np.ones(1), np.zeros(0))
     assert found.accuracy > 1e-3
 
 
 @pytest.mark.parametrize("dynamics", ["x^2 + u", "exp(x) + u", "1/(1.5 - t) * x^3 + u", "2000*x"])
 def test_an_explosion_is_infinite_and_silent(dynamics: str, model: Build) -> None:
     given = model(one_state(dynamics, "x^2"))
-    found = resimulate(given, constant(1.0), 2, (0.0, 2.0), np.ones(1), np.zeros(0))
+    found = resimulate(given, constant(1.0), ends(2), (0.0, 2.0), np.ones(1), np.zeros(0))
     assert found.accuracy == np.inf
     assert not np.isfinite(found.states[-1]).all()
 
 
 def test_undefined_dynamics_are_infinite_and_silent(model: Build) -> None:
     given = model(one_state("-1 - sqrt(x)", "log(x)"))
-    found = resimulate(given, constant(1.0), 2, (0.0, 2.0), np.ones(1), np.zeros(0))
+    found = resimulate(given, constant(1.0), ends(2), (0.0, 2.0), np.ones(1), np.zeros(0))
     assert found.accuracy == np.inf
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from quito_cli.problem.model import Model, labels
 from quito_cli.solution.kinks import sat_on
-from quito_cli.solution.trajectory import Trajectory
+from quito_cli.solution.trajectory import Curve
 from quito_cli.solvers.outcome import Outcome, Status
 from quito_cli.solvers.residuals import Residuals
 from quito_cli.transcription.transcribe import Nlp
@@ -45,7 +45,7 @@ _HINTS = {
 
 
 def diagnose(
-    nlp: Nlp, outcome: Outcome, residuals: Residuals, trajectory: Trajectory, u: Array
+    nlp: Nlp, outcome: Outcome, residuals: Residuals, trajectory: Curve, u: Array
 ) -> tuple[str, ...]:
     """Return sentences on why the point of `outcome` is no answer.
 
@@ -56,9 +56,9 @@ def diagnose(
         trajectory: the states there.
         u: (N+1, n_u) the control at the nodes.
     """
-    model, substeps = nlp.transcription.model, nlp.transcription.method.substeps
+    model, method = nlp.transcription.model, nlp.transcription.method
     parameters = nlp.transcription.layout.parameters(outcome.w * nlp.unit)
-    at = slice(None, None, substeps)
+    at = slice(None, None, len(method.breaks) - 1)
     times, states = trajectory.times[at], trajectory.states[at]
     sentences = _not_finite(model, times, states, u, parameters, "at")
     if outcome.status is Status.NOT_FINITE and not sentences:

@@ -11,7 +11,7 @@ from quito_cli.problem.model import Known, Model, labels
 from quito_cli.solution.diagnosis import diagnose
 from quito_cli.solution.resimulation import Control, Resimulation, resimulate
 from quito_cli.solution.solution import Evidence
-from quito_cli.solution.trajectory import Trajectory
+from quito_cli.solution.trajectory import Curve
 from quito_cli.solution.variation import ringing_index, total_variation
 from quito_cli.solution.violations import (
     Dense,
@@ -22,13 +22,11 @@ from quito_cli.solution.violations import (
 )
 from quito_cli.solvers.outcome import Outcome, Status
 from quito_cli.solvers.residuals import Residuals
-from quito_cli.transcription.cells import Discretization
+from quito_cli.transcription.method import Method
 from quito_cli.transcription.transcribe import Nlp
 
 Array = NDArray[np.float64]
 
-DENSE_POINTS = 10
-"""Points a cell on the grid that violations and variation are looked for on."""
 SEEN = 0.01
 """A control that moves by less of its size is a constant to the eye."""
 RINGS = 100.0
@@ -47,7 +45,7 @@ class Answer:
     parameters: Array
     """(n_p,)."""
     control: Control
-    trajectory: Trajectory
+    trajectory: Curve
     cost: float
     """Of the minimisation, recomputed from the nonlinear program."""
 
@@ -66,17 +64,15 @@ def evidence(
     """
     model, method = nlp.transcription.model, nlp.transcription.method
     trajectory, start = answer.trajectory, answer.trajectory.states[0]
-    again = resimulate(
-        model, answer.control, method.substeps, answer.times, start, answer.parameters
-    )
-    dense = _dense(answer)
+    again = resimulate(model, answer.control, method.breaks, answer.times, start, answer.parameters)
+    dense = _dense(answer, method.fine)
     found = violations(model, dense, again.integrals)
     failed = outcome.status not in (Status.SOLVED, Status.INTERRUPTED)
     if outcome.status is not Status.SOLVED:
         found = worst_first((*found, *_defects(nlp, residuals, trajectory.times)))
     unit = nlp.unit[nlp.transcription.layout.node(np.array(0))]
     gap, terminal = _gaps(model, trajectory.states, again, unit)
-    nodes = dense.controls[::DENSE_POINTS]
+    nodes = dense.controls[:: len(method.fine)]
     ringing = _ringing(model, method, answer)
     return Evidence(
         tolerance,
@@ -96,19 +92,20 @@ def evidence(
         + (
             ()
             if failed
-            else _warnings(found, gap, terminal, answer.cost, again)
-            + _rings(model, dense.controls, ringing)
+            else _warnings(found, gap, terminal, answer.cost, again, method.finer)
+            + _rings(model, dense.controls, ringing, method.calmer)
         ),
-        diagnose(nlp, outcome, residuals, trajectory, nodes) + _missed(model, again, outcome.status)
+        diagnose(nlp, outcome, residuals, trajectory, nodes)
+        + _missed(model, again, outcome.status, method.finer)
         if failed
         else (),
     )
 
 
-def _dense(answer: Answer) -> Dense:
-    """Return the answer on a grid of `DENSE_POINTS` a cell."""
+def _dense(answer: Answer, fine: Array) -> Dense:
+    """Return the answer on a grid of the offsets `fine` in every cell."""
     control, mesh = answer.control, answer.control.mesh
-    cells, places = mesh.points(np.arange(DENSE_POINTS) / DENSE_POINTS)
+    cells, places = mesh.points(fine)
     cells, places = np.append(cells, mesh.cells - 1), np.append(places, 1.0)
     fractions = mesh.fractions[cells] + places * mesh.steps[cells]
     times = answer.times[0] + (answer.times[1] - answer.times[0]) * fractions
@@ -141,7 +138,7 @@ def _defects(nlp: Nlp, residuals: Residuals, times: Array) -> tuple[Violation, .
     )
 
 
-def _missed(model: Model, again: Resimulation, status: Status) -> tuple[str, ...]:
+def _missed(model: Model, again: Resimulation, status: Status, finer: str) -> tuple[str, ...]:
     """Say which final value the control misses most when it is integrated."""
     at_end, (lower, upper) = again.states[-1], model.final
     if not np.isfinite(at_end).all():
@@ -153,7 +150,7 @@ def _missed(model: Model, again: Resimulation, status: Status) -> tuple[str, ...
     if outside[worst] <= 1e-6:
         return (
             "Integrated with this control by a finer integrator, the end conditions are met: the "
-            "dynamics may be too stiff for these steps; try more --substeps or --steps.",
+            f"dynamics may be too stiff for these steps; try more {finer}.",
         )
     limit = lower[worst] if at_end[worst] < lower[worst] else upper[worst]
     return (
@@ -166,11 +163,9 @@ def _finite_or_inf(value: float) -> float:
     return float(value) if np.isfinite(value) else np.inf
 
 
-def _ringing(model: Model, method: Discretization, answer: Answer) -> tuple[float, ...]:
-    """Return the ringing index of each control on the grid of the cells' offsets."""
-    # A staircase is no ringing: of a cellwise control the values count, not the steps.
-    cellwise = method.basis.function.cellwise
-    offsets = np.array([0.5]) if cellwise else method.offsets[method.offsets < 1]
+def _ringing(model: Model, method: Method, answer: Answer) -> tuple[float, ...]:
+    """Return the ringing index of each control on a grid as fine as the method resolves."""
+    offsets, width = method.resolved
     cells, places = method.mesh.points(offsets)
     u = answer.control.basis.evaluate(answer.control.coefficients, cells, places)
     known = np.full(u.shape, np.nan)
@@ -183,7 +178,7 @@ def _ringing(model: Model, method: Discretization, answer: Answer) -> tuple[floa
     return tuple(
         ringing_index(
             u[:, i],
-            len(offsets),
+            width,
             known[:, i] if np.isfinite(known[:, i]).all() else None,
             float(sizes[i]),
         )
@@ -191,19 +186,25 @@ def _ringing(model: Model, method: Discretization, answer: Answer) -> tuple[floa
     )
 
 
-def _rings(model: Model, controls: Array, ringing: tuple[float, ...]) -> tuple[str, ...]:
+def _rings(
+    model: Model, controls: Array, ringing: tuple[float, ...], calmer: str
+) -> tuple[str, ...]:
     """Say which controls ring to be seen, and what is known to help."""
     moves = np.ptp(controls, axis=0) > SEEN * np.abs(controls).max(axis=0)
     return tuple(
-        f"{name} rings (index {index:.2g}): try --path-points substeps where a constraint of "
-        "states is active, more --substeps, a tighter --tolerance or a larger --variance"
+        f"{name} rings (index {index:.2g}): {calmer}"
         for name, index, seen in zip(labels(model.controls), ringing, moves, strict=True)
         if index > RINGS and seen
     )
 
 
 def _warnings(
-    found: tuple[Violation, ...], gap: float, terminal: float, cost: float, again: Resimulation
+    found: tuple[Violation, ...],
+    gap: float,
+    terminal: float,
+    cost: float,
+    again: Resimulation,
+    finer: str,
 ) -> tuple[str, ...]:
     warnings = [
         f"{v.constraint} is violated by {v.amount:.2g} at t = {v.time:.6g}"
@@ -213,7 +214,7 @@ def _warnings(
     if gap > WORTH_A_WARNING:
         warnings.append(
             f"re-simulated states differ by {gap:.2g} of their size: the mesh is too coarse for "
-            "these dynamics, or they are unstable; try more --steps or --substeps"
+            f"these dynamics, or they are unstable; try more {finer}"
         )
     if terminal > WORTH_A_WARNING:
         warnings.append(
@@ -223,7 +224,7 @@ def _warnings(
     if not np.isfinite(missed) or missed > max(WORTH_A_WARNING * size, 1e-6):
         warnings.append(
             f"the re-simulated cost differs by {missed:.2g}: the mesh does not resolve it; try "
-            "more --steps or --substeps"
+            f"more {finer}"
         )
     if again.accuracy > WORTH_A_WARNING:
         warnings.append(

@@ -23,7 +23,7 @@ from quito_cli.solution.solution import (
     Solution,
     Statistics,
 )
-from quito_cli.solution.trajectory import Trajectory
+from quito_cli.solution.trajectory import Curve, Polynomials, Trajectory
 from quito_cli.solvers import SOLVERS, judged_at
 from quito_cli.solvers.outcome import Outcome
 from quito_cli.solvers.residuals import Residuals
@@ -32,7 +32,7 @@ from quito_cli.transcription.transcribe import Nlp, Transcription
 Array = NDArray[np.float64]
 
 SAVED_POINTS = 2001
-"""Points of the saved dense grid, at least; four a cell on finer meshes."""
+"""Points of the saved dense grid, at least; four a cell, or collocation point, on finer meshes."""
 
 
 def extract(
@@ -57,8 +57,9 @@ def extract(
     answer = _answer(nlp, outcome)
     model, method = nlp.transcription.model, nlp.transcription.method
     judged = judged_at(SOLVERS[outcome.solver], options["tolerance"])
-    (start, end), cells = answer.times, method.mesh.cells
-    dense = np.linspace(start, end, max(SAVED_POINTS, 4 * cells + 1))
+    (start, end), pieces = answer.times, method.basis.pieces
+    dense = np.linspace(start, end, max(SAVED_POINTS, 4 * pieces + 1))
+    nodes, adjoint = _costates(nlp, outcome, answer)
     solution = Solution(
         _origin(problem, model),
         dict(options),
@@ -69,7 +70,7 @@ def extract(
         method.basis,
         answer.control.coefficients,
         answer.parameters,
-        _costates(nlp, outcome),
+        nodes,
         _multipliers(nlp, outcome),
         {b.name: MultiplierAxes(start + (end - start) * b.fractions, b.labels) for b in nlp.blocks},
         evidence(nlp, outcome, residuals, answer, judged),
@@ -87,7 +88,7 @@ def extract(
         dense,
         _reference(model, dense),
     )
-    return replace(solution, drawings=_drawings(model, solution))
+    return replace(solution, drawings=_drawings(model, solution), adjoint=adjoint)
 
 
 def _answer(nlp: Nlp, outcome: Outcome) -> Answer:
@@ -96,56 +97,73 @@ def _answer(nlp: Nlp, outcome: Outcome) -> Answer:
     times, parameters = made.layout.times(w, made.model), made.layout.parameters(w)
     control = Control(made.method.basis, made.method.mesh, made.layout.coefficient_table(w))
     cost = float(nlp.assembled.gradient(outcome.w, [])[0]) / nlp.objective_scale
-    trajectory = _trajectory(made, control, outcome.w, made.layout.states(w)[-1], times, parameters)
+    starts, ends = made.dynamics.states(outcome.w)
+    states = np.vstack([starts, made.layout.states(w)[-1]])
+    between = _BETWEEN[made.method.interpolation]
+    trajectory = between(made, control, states, ends, times, parameters)
     return Answer(times, parameters, control, trajectory, cost)
 
 
-def _trajectory(
+def _hermite(
     made: Transcription,
     control: Control,
-    scaled: Array,
-    last: Array,
-    ends: tuple[float, float],
+    states: Array,
+    ends: Array,
+    times: tuple[float, float],
     parameters: Array,
-) -> Trajectory:
-    """Return the states at the ends of all substeps, with slopes from both sides."""
-    N, R, n = made.method.mesh.cells, made.method.substeps, made.model.n_x
-    z = np.array(made.cells.gather @ scaled).reshape(N, -1).T
-    inner = np.array(made.cell.inner.map(N)(z, made.cells.parameters)).T.reshape(N, R + 1, n)
-    states = np.vstack([inner[:, :-1].reshape(-1, n), last])
-    begins = np.arange(R) / R
-    cells, offsets = made.method.mesh.points(begins)
-    fractions = made.method.mesh.fractions[cells] + offsets * made.method.mesh.steps[cells]
-    times = ends[0] + (ends[1] - ends[0]) * np.append(fractions, 1.0)
+) -> Curve:
+    """Return the states from break to break, with slopes from both sides."""
+    method = made.method
+    begins, after = method.breaks[:-1], method.breaks[1:]
+    t = _break_times(made, times)
 
     def slopes(x: Array, at: Array, t: Array) -> Array:
-        u = control.basis.evaluate(control.coefficients, *made.method.mesh.points(at))
+        u = control.basis.evaluate(control.coefficients, *method.mesh.points(at))
         p = np.tile(parameters[:, None], (1, len(t)))
         return np.array(made.model.right_hand_side.map(len(t))(x.T, u.T, p, t)[0]).T
 
+    assert method.interpolation != "polynomial"
     return Trajectory(
-        times,
+        t,
         states,
-        slopes(states[:-1], begins, times[:-1]),
-        slopes(inner[:, 1:].reshape(-1, n), begins + 1 / R, times[1:]),
-        made.method.scheme.interpolation,
+        slopes(states[:-1], begins, t[:-1]),
+        slopes(ends, after, t[1:]),
+        method.interpolation,
     )
 
 
-def _costates(nlp: Nlp, outcome: Outcome) -> Array:
-    """Return λ at the nodes: what the cost that remains there gains by a change of the state.
+def _polynomials(
+    made: Transcription,
+    control: Control,
+    states: Array,
+    ends: Array,
+    times: tuple[float, float],
+    parameters: Array,
+) -> Curve:
+    """Return the polynomials through the states at the breaks."""
+    return Polynomials(_break_times(made, times), states, len(made.method.breaks) - 1)
 
-    At the end of a cell that is −∂/∂x_{k+1} of the cell's part of the Lagrangian, for an explicit
-    scheme the multiplier of its defect; at the start of the horizon +∂/∂x_0 of the first cell's.
-    Where a condition holds at the node itself it is the value just before it.
-    """
-    made, cells = nlp.transcription, nlp.transcription.cells
-    scaled = outcome.lam_g * nlp.row_scale / nlp.objective_scale
-    nu = np.where(cells.rows >= 0, scaled[cells.rows], 0.0) + cells.weights
-    z = np.array(cells.gather @ outcome.w).reshape(cells.count, -1).T
-    gradient = np.array(cells.local.gradient.map(cells.count)(z, cells.parameters, nu))
-    first, n = made.layout.shared, made.model.n_x
-    return np.vstack([gradient[first : first + n, :1].T, -gradient[first + n : first + 2 * n].T])
+
+_BETWEEN = {"linear": _hermite, "cubic": _hermite, "polynomial": _polynomials}
+"""What makes a curve of states at the breaks."""
+
+
+def _break_times(made: Transcription, times: tuple[float, float]) -> Array:
+    mesh = made.method.mesh
+    cells, offsets = mesh.points(made.method.breaks[:-1])
+    fractions = mesh.fractions[cells] + offsets * mesh.steps[cells]
+    return np.asarray(times[0] + (times[1] - times[0]) * np.append(fractions, 1.0))
+
+
+def _costates(nlp: Nlp, outcome: Outcome, answer: Answer) -> tuple[Array, Curve | None]:
+    """Return λ at the nodes, and as a function of time where more is known than that."""
+    made = nlp.transcription
+    unscaled = outcome.lam_g * nlp.row_scale / nlp.objective_scale
+    found = made.dynamics.costates(outcome.w, unscaled)
+    each = (len(found) - 1) // made.method.mesh.cells
+    times = _break_times(made, answer.times)
+    adjoint = None if len(found) != len(times) or each == 1 else Polynomials(times, found, each)
+    return found[::each], adjoint
 
 
 def _multipliers(nlp: Nlp, outcome: Outcome) -> dict[str, Array]:

@@ -11,7 +11,7 @@ from quito_cli.errors import UsageError
 from quito_cli.problem.model import GuessFunction, Instant, Model, Variable, labels
 from quito_cli.solution.solution import Quantity, Solution
 from quito_cli.solvers import Start, start_at
-from quito_cli.transcription.control import ControlBasis
+from quito_cli.transcription.control import Basis
 from quito_cli.transcription.rows import Rows
 from quito_cli.transcription.transcribe import Nlp
 
@@ -106,11 +106,10 @@ def resumed(nlp: Nlp, earlier: Solution) -> tuple[Nlp, Start]:
     return nlp, start_at(nlp, lam_g * nlp.objective_scale / nlp.row_scale)
 
 
-def _alike(one: ControlBasis, other: ControlBasis) -> bool:
+def _alike(one: Basis, other: Basis) -> bool:
     """Whether the coefficients of two controls mean the same."""
-    counts = (one.cells, one.ghosts) == (other.cells, other.ghosts)
-    weights = (one.variance, one.normalised) == (other.variance, other.normalised)
-    return counts and weights and one.function.name == other.function.name
+    same = one.attributes == other.attributes
+    return same and (one.cells, one.count) == (other.cells, other.count)
 
 
 def _multipliers(block: Rows, earlier: Solution) -> Array:

@@ -21,12 +21,13 @@ from quito_cli.solution.solution import (
     Solution,
     Statistics,
 )
-from quito_cli.solution.trajectory import Trajectory
+from quito_cli.solution.trajectory import Curve, Polynomials, Trajectory
 from quito_cli.solution.violations import Violation
 from quito_cli.solution.writing import BY_CONTROL, SENTENCES
 from quito_cli.solvers.outcome import Status
-from quito_cli.transcription.control import ControlBasis
+from quito_cli.transcription.control import Basis, ControlBasis
 from quito_cli.transcription.generating import GENERATING_FUNCTIONS
+from quito_cli.transcription.polynomial import PolynomialBasis
 
 if TYPE_CHECKING:
     import h5py
@@ -40,29 +41,15 @@ def read(file: h5py.File) -> Solution:
     Raises one of `store.DAMAGED` where the file's layout is not what it should be.
     """
     control, statistics = file["control"], dict(file["statistics"].attrs)
-    basis = ControlBasis(
-        GENERATING_FUNCTIONS[control.attrs["generating_function"]],
-        len(control["mesh"]) - 1,
-        float(control.attrs["variance"]),
-        bool(control.attrs["normalised"]),
-        int(control.attrs["most_ghosts"]) if "most_ghosts" in control.attrs else None,
-    )
-    interpolation = file["interpolation"]
-    kind = interpolation.attrs["kind"]
+    trajectory, adjoint = _read_curves(file["interpolation"])
     return Solution(
         _read_origin(file["problem"]),
         json.loads(file["problem"].attrs["options"]),
         Status[statistics["status"]],
         float(statistics["cost"]),
         control["mesh"][:],
-        Trajectory(
-            interpolation["time"][:],
-            interpolation["state"][:],
-            interpolation["start_slope"][:],
-            interpolation["end_slope"][:],
-            "cubic" if kind == "cubic" else "linear",
-        ),
-        basis,
+        trajectory,
+        _read_basis(control.attrs, len(control["mesh"]) - 1),
         control["coefficients"][:],
         control["parameters"][:],
         file["trajectory/costate"][:],
@@ -73,7 +60,32 @@ def read(file: h5py.File) -> Solution:
         file["dense/time"][:],
         _read_reference(file["dense"]),
         tuple(_read_drawing(group) for group in file.get("plots", {}).values()),
+        adjoint,
     )
+
+
+def _read_basis(attributes: Mapping[str, Any], cells: int) -> Basis:
+    """Return the functions of the control, by the attributes that tell them from others."""
+    if "degree" in attributes:
+        return PolynomialBasis(cells, int(attributes["degree"]))
+    return ControlBasis(
+        GENERATING_FUNCTIONS[attributes["generating_function"]],
+        cells,
+        float(attributes["variance"]),
+        bool(attributes["normalised"]),
+        int(attributes["most_ghosts"]) if "most_ghosts" in attributes else None,
+    )
+
+
+def _read_curves(group: h5py.Group) -> tuple[Curve, Curve | None]:
+    """Return states, and costates where there are more than at the nodes, as curves."""
+    kind, times, states = group.attrs["kind"], group["time"][:], group["state"][:]
+    if kind == "polynomial":
+        degree = int(group.attrs["degree"])
+        adjoint = Polynomials(times, group["costate"][:], degree) if "costate" in group else None
+        return Polynomials(times, states, degree), adjoint
+    slopes = group["start_slope"][:], group["end_slope"][:]
+    return Trajectory(times, states, *slopes, "cubic" if kind == "cubic" else "linear"), None
 
 
 def _read_multipliers(

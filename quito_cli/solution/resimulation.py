@@ -2,8 +2,9 @@
 
 The state is carried from its initial value over the whole horizon with û(t) and the method of
 Dormand and Prince of order 5 (*J. Comput. Appl. Math.* 6, 1980), with steps that are a fraction of
-the substeps and are halved until the result stands still. It knows nothing of the nonlinear
-program: where the two differ, the answer's trajectory is not the one that its control produces.
+the substeps, or of the distances of collocation points, and are halved until the result stands
+still. It knows nothing of the nonlinear program: where the two differ, the answer's trajectory is
+not the one that its control produces.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.problem.model import Model
-from quito_cli.transcription.control import ControlBasis
+from quito_cli.transcription.control import Basis
 from quito_cli.transcription.mesh import Mesh
 
 if TYPE_CHECKING:
@@ -37,9 +38,9 @@ _B = (35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84)
 STANDS_STILL = 1e-9
 """Relative change under which halving the steps stops."""
 MOST_STEPS = 32
-"""Steps in a substep at most."""
+"""Steps between two breaks at most."""
 MOST_IN_ALL = 400_000
-"""Steps over the horizon at most, as long as that is two a substep."""
+"""Steps over the horizon at most, as long as that is two between breaks."""
 
 
 _AT_A_TIME = 2048
@@ -50,7 +51,7 @@ _AT_A_TIME = 2048
 class Control:
     """û(t) of an answer, cell by cell."""
 
-    basis: ControlBasis
+    basis: Basis
     mesh: Mesh
     coefficients: Array
     """(count, n_u)."""
@@ -61,7 +62,7 @@ class Resimulation:
     """What the control produces when integrated anew."""
 
     states: Array
-    """(M+1, n_x) at the ends of the substeps."""
+    """(M+1, n_x) at the breaks."""
     integrals: Array
     """(n_q,): the Lagrange cost, then the integral constraints'."""
     cost: float
@@ -73,7 +74,7 @@ class Resimulation:
 def resimulate(
     model: Model,
     control: Control,
-    substeps: int,
+    breaks: Array,
     times: tuple[float, float],
     start: Array,
     parameters: Array,
@@ -83,19 +84,20 @@ def resimulate(
     Args:
         model: the problem.
         control: û.
-        substeps: substeps a cell; results are given at their ends.
+        breaks: offsets in a cell, from 0 to 1, at which results are given: ends of substeps,
+            collocation points.
         times: initial and final time.
         start: state at the initial time.
         parameters: p.
     """
     one = _step(model)
     finer = 2
-    before = _integrate(one, control, substeps, finer, times, start, parameters)
+    before = _integrate(one, control, breaks, finer, times, start, parameters)
     while True:
         finer *= 2
-        after = _integrate(one, control, substeps, finer, times, start, parameters)
+        after = _integrate(one, control, breaks, finer, times, start, parameters)
         change = _relative_change(before, after)
-        many = 2 * finer * substeps * control.mesh.cells > MOST_IN_ALL
+        many = 2 * finer * (len(breaks) - 1) * control.mesh.cells > MOST_IN_ALL
         if change <= STANDS_STILL or finer >= MOST_STEPS or many:
             break
         before = after
@@ -135,20 +137,20 @@ def _step(model: Model) -> ca.Function:
 def _integrate(
     step: ca.Function,
     control: Control,
-    substeps: int,
+    breaks: Array,
     finer: int,
     times: tuple[float, float],
     start: Array,
     parameters: Array,
 ) -> Array:
-    """Return [x; integrals] at the ends of the substeps, (M+1, n_x + n_q)."""
-    mesh, each = control.mesh, substeps * finer
-    begins = np.arange(each) / each
-    offsets = (begins[:, None] + _C / each).ravel()
+    """Return [x; integrals] at the breaks, (M+1, n_x + n_q)."""
+    mesh, lengths = control.mesh, np.repeat(np.diff(breaks) / finer, finer)
+    begins = np.repeat(breaks[:-1], finer) + lengths * np.tile(np.arange(finer), len(breaks) - 1)
+    offsets = (begins[:, None] + _C * lengths[:, None]).ravel()
     u = control.basis.evaluate(control.coefficients, *mesh.points(np.minimum(offsets, 1.0)))
-    count = mesh.cells * each
+    count = mesh.cells * len(begins)
     horizon = times[1] - times[0]
-    h = np.repeat(mesh.steps, each) * horizon / each
+    h = (mesh.steps[:, None] * lengths).ravel() * horizon
     cells, places = mesh.points(begins)
     t = times[0] + horizon * (mesh.fractions[cells] + places * mesh.steps[cells])
     stages = u.reshape(count * len(_C), u.shape[1]).T

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from quito_cli.problem.shapes import Ball, Block
-from quito_cli.solution.trajectory import Trajectory
+from quito_cli.solution.trajectory import Curve
 from quito_cli.solution.violations import Violation
 from quito_cli.solvers.outcome import Status
-from quito_cli.transcription.control import ControlBasis
+from quito_cli.transcription.control import Basis
 from quito_cli.transcription.mesh import Mesh
 
 Array = NDArray[np.float64]
@@ -151,8 +152,8 @@ class Solution:
     """In the file's sense."""
     times: Array
     """(N+1,) times of the nodes."""
-    trajectory: Trajectory
-    basis: ControlBasis
+    trajectory: Curve
+    basis: Basis
     coefficients: Array
     """(count, n_u) of the control."""
     parameters: Array
@@ -173,9 +174,12 @@ class Solution:
     """None where the file has none that applies."""
     drawings: tuple[Drawing, ...] = ()
     """The plots the file asks for."""
+    adjoint: Curve | None = None
+    """Costates at all collocation points and in between; None where the nodes are all there is."""
 
     def __post_init__(self) -> None:
-        for value in (*vars(self).values(), *vars(self.trajectory).values()):
+        curves = [vars(curve).values() for curve in (self.trajectory, self.adjoint) if curve]
+        for value in (*vars(self).values(), *chain(*curves)):
             if isinstance(value, np.ndarray):
                 value.flags.writeable = False
 
@@ -206,8 +210,13 @@ class Solution:
         return self.trajectory(np.atleast_1d(np.asarray(t, dtype=float)))
 
     def costate(self, t: ArrayLike) -> Array:
-        """Return the costates at times t, (len(t), n_x), linear between the nodes."""
+        """Return the costates at times t, (len(t), n_x).
+
+        Linear between the nodes; of a collocation the polynomials through all of its points.
+        """
         times = np.atleast_1d(np.asarray(t, dtype=float))
+        if self.adjoint is not None:
+            return self.adjoint(times)
         columns = [np.interp(times, self.times, column) for column in self.costates.T]
         return np.array(columns).reshape(len(columns), len(times)).T
 

@@ -1,21 +1,45 @@
-"""States between the nodes: an interpolation of the scheme's order.
+"""States between the points at which they are known: an interpolation of the method's order.
 
-Through the ends of the substeps, x_j at t_j: piecewise linear for a scheme of order one, cubic
-Hermite for higher ones, with slopes f(x, û, t) taken at both ends of each substep separately, for
-the control, and so the slope, may jump at a node.
+Of shooting through the ends of the substeps, x_j at t_j: piecewise linear for a scheme of order
+one, cubic Hermite for higher ones, with slopes f(x, û, t) taken at both ends of each substep
+separately, for the control, and so the slope, may jump at a node. Of a collocation the polynomials
+that it is made of, by the barycentric formula; its costates likewise.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.transcription.hermite import hermite
+from quito_cli.transcription.legendre import radau
 
 Array = NDArray[np.float64]
+
+_AT_A_TIME = 500_000
+"""Weights of polynomials formed at a time: bounds the memory."""
+
+
+class Curve(Protocol):
+    """States, or costates, as functions of time."""
+
+    @property
+    def times(self) -> Array:
+        """(M+1,) at which they are known."""
+
+    @property
+    def states(self) -> Array:
+        """(M+1, n_x)."""
+
+    @property
+    def interpolation(self) -> Literal["linear", "cubic", "polynomial"]:
+        """How they go on in between."""
+
+    def __call__(self, times: Array) -> Array:
+        """Return the values at `times`, (len(times), n_x); beyond the ends, those of the ends."""
 
 
 @dataclass(frozen=True)
@@ -48,3 +72,36 @@ class Trajectory:
         known = np.isfinite(slopes[0]) & np.isfinite(slopes[1])  # undefined dynamics have none
         inner = np.where(known, cubic, linear)
         return np.where(s == 0, before, np.where(s == 1, after, inner))
+
+
+@dataclass(frozen=True)
+class Polynomials:
+    """In every cell the polynomial of degree D through its LGR points and its end."""
+
+    times: Array
+    """(N D + 1,) of the points, the first of a cell its node, and the final time."""
+    states: Array
+    """(N D + 1, n_x)."""
+    degree: int
+    """D."""
+
+    @property
+    def interpolation(self) -> Literal["polynomial"]:
+        """How they go on between the points."""
+        return "polynomial"
+
+    def __call__(self, times: Array) -> Array:
+        """Return the values at `times`, (len(times), n_x); beyond the ends, those of the ends."""
+        nodes = self.times[:: self.degree]
+        times = np.clip(times, nodes[0], nodes[-1])
+        cells = np.clip(np.searchsorted(nodes, times, side="right") - 1, 0, len(nodes) - 2)
+        offsets = (times - nodes[cells]) / (nodes[cells + 1] - nodes[cells])
+        values = np.empty((len(times), self.states.shape[1]))
+        size = max(_AT_A_TIME // (self.degree + 1), 1)
+        for start in range(0, len(times), size):
+            part = slice(start, start + size)
+            points = cells[part, None] * self.degree + np.arange(self.degree + 1)
+            weights = radau(self.degree).state.weights(offsets[part])
+            with np.errstate(invalid="ignore"):  # of a failed solve: not finite, and told so
+                values[part] = np.einsum("pw,pwx->px", weights, self.states[points])
+        return values

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.solution.solution import Drawing, Evidence, Solution
+from quito_cli.solution.trajectory import Polynomials, Trajectory
 
 if TYPE_CHECKING:
     import h5py
@@ -134,8 +135,13 @@ def _write_interpolation(into: _Group, solution: Solution) -> None:
     into.axis("step", np.arange(len(trajectory.times) - 1))
     into.axis("state_name", _texts(q.name for q in solution.origin.states))
     into.data("state", trajectory.states, "time", "state_name")
-    into.data("start_slope", trajectory.start_slopes, "step", "state_name")
-    into.data("end_slope", trajectory.end_slopes, "step", "state_name")
+    if isinstance(trajectory, Trajectory):
+        into.data("start_slope", trajectory.start_slopes, "step", "state_name")
+        into.data("end_slope", trajectory.end_slopes, "step", "state_name")
+    if isinstance(trajectory, Polynomials):
+        into.group.attrs["degree"] = trajectory.degree
+    if solution.adjoint is not None:
+        into.data("costate", solution.adjoint.states, "time", "state_name")
 
 
 def _write_dense(into: _Group, solution: Solution) -> None:
@@ -162,11 +168,8 @@ def _write_control(into: _Group, solution: Solution) -> None:
     into.data("mesh", solution.times, "node")
     into.axis("parameter_name", _texts(q.name for q in solution.origin.parameters))
     into.data("parameters", solution.parameters, "parameter_name")
-    into.group.attrs["generating_function"] = basis.function.name
-    into.group.attrs["variance"] = basis.variance
-    into.group.attrs["normalised"] = basis.normalised
-    if basis.most_ghosts is not None:
-        into.group.attrs["most_ghosts"] = basis.most_ghosts
+    for name, value in basis.attributes.items():
+        into.group.attrs[name] = value
 
 
 def _write_statistics(into: _Group, solution: Solution) -> None:

@@ -1,4 +1,5 @@
-"""The terms of the nonlinear program: cells, ends, points in time, bounds on û.
+"""The terms of the nonlinear program that are the same for every method: ends, points in time,
+bounds on û.
 
 Each gathers its inputs z from the unknowns and says which row, or the objective, an output adds to.
 """
@@ -10,18 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.problem.model import Bounds, Constraint, Instant, Model, labels
-from quito_cli.transcription.cells import (
-    CellFunctions,
-    Discretization,
-    PathOutput,
-    shared_symbols,
-)
-from quito_cli.transcription.control import ControlBasis
-from quito_cli.transcription.guess import Guess
-from quito_cli.transcription.layout import Layout
-from quito_cli.transcription.rows import RowBook, Rows
-from quito_cli.transcription.scaling import constraint_scale
+from quito_cli.problem.model import Constraint, Model, labels
+from quito_cli.transcription.control import Basis
+from quito_cli.transcription.program import Program, shared_symbols
 from quito_cli.transcription.terms import NOWHERE, Gather, Term
 
 Array = NDArray[np.float64]
@@ -29,142 +21,6 @@ Indices = NDArray[np.int64]
 
 SHORTEST = 1e-6
 """Least length of a free horizon, as a fraction of the guessed one."""
-
-
-class Program:
-    """A nonlinear program being put together."""
-
-    def __init__(
-        self,
-        model: Model,
-        method: Discretization,
-        layout: Layout,
-        guess: Guess,
-        unit: Array,
-    ) -> None:
-        self.model, self.method, self.layout = model, method, layout
-        self.guess, self.unit = guess, unit
-        self.terms: list[Term] = []
-        self.book = RowBook()
-
-    def scale_of(self, constraint: Constraint) -> Array:
-        """Return what the rows of a constraint are multiplied by."""
-        return constraint_scale(self.model, constraint, self.guess)
-
-
-def add_cells(program: Program, cell: CellFunctions, defect_scale: Array) -> Term:
-    """Add defects, integrals and path constraints; return the term of the cells."""
-    model, mesh = program.model, program.method.mesh
-    vectors = cell.residuals // model.n_x
-    ends = np.arange(1, vectors + 1) / vectors
-    fractions = (mesh.fractions[:-1, None] + mesh.steps[:, None] * ends).ravel()
-    zero = np.zeros(model.n_x)
-    names = labels(model.states)
-    defects = program.book.add("dynamics", names, fractions, (zero, zero), defect_scale)
-    rows = [defects.indices.reshape(mesh.cells, cell.residuals)]
-    rows.append(np.full((mesh.cells, 1), NOWHERE))
-    for constraint in model.constraints.integral:
-        where = np.array([1.0])
-        block = program.book.add(
-            f"integral constraint {constraint.name}",
-            constraint.labels,
-            where,
-            (constraint.bounds.lower, constraint.bounds.upper),
-            program.scale_of(constraint),
-        )
-        rows.append(np.full((mesh.cells, 1), block.first))
-    path = [_path_rows(program, output) for output in cell.path]
-    rows += [block.indices[:-1].reshape(mesh.cells, -1) for block in path]
-    stacked = np.hstack(rows).T
-    weights = np.zeros(stacked.shape)
-    weights[cell.residuals] = 0.0 if model.lagrange.is_zero() else 1.0
-    parameters = np.vstack([mesh.fractions[:-1], mesh.steps])
-    S = _cell_gather(program).matrix(program.unit)
-    term = Term(cell.terms, S, parameters, stacked, weights)
-    program.terms.append(term)
-    if path:
-        last = [block.indices[-1] for block in path]
-        _add_point(program, model.constraints.path, mesh.cells, np.concatenate(last))
-    return term
-
-
-def _path_rows(program: Program, output: PathOutput) -> Rows:
-    """Return the rows of a path constraint: its places in every cell, and the final time."""
-    constraint, model, method = output.constraint, program.model, program.method
-    offsets = method.offsets[list(output.places)]
-    cells, places = method.mesh.points(offsets)
-    inside = method.mesh.fractions[cells] + places * method.mesh.steps[cells]
-    released = np.zeros(len(inside) + 1, dtype=bool)
-    if constraint.determines_control:
-        ghosts = method.basis.ghosts
-        end_cells = (cells < ghosts) | (cells >= method.mesh.cells - ghosts)
-        released[:-1] = (places > 0) & ~end_cells
-        released[-1] = method.basis.function.cellwise  # the last cell has held to it already
-    released[0] |= _settled(model, constraint, model.initial, model.initial_time)
-    released[-1] |= _settled(model, constraint, model.final, model.final_time)
-    return program.book.add(
-        f"path constraint {constraint.name}",
-        constraint.labels,
-        np.append(inside, 1.0),
-        (constraint.bounds.lower, constraint.bounds.upper),
-        program.scale_of(constraint),
-        released,
-    )
-
-
-def _settled(model: Model, constraint: Constraint, fixed: Bounds, instant: Instant) -> bool:
-    """Whether a constraint holds at an end because all that it speaks of is fixed there.
-
-    Then it says nothing to the solver but that it is singular.
-    """
-    import casadi as ca
-
-    unknowns = [model.u, model.p] + ([] if instant.fixed else [model.t])
-    if ca.depends_on(constraint.value, ca.vertcat(*unknowns)):
-        return False
-    pattern = ca.jacobian_sparsity(constraint.value, model.x)
-    used = np.unique(np.array(pattern.get_triplet()[1], dtype=np.int64))
-    if not fixed.fixed[used].all():
-        return False
-    x = np.where(fixed.fixed, fixed.lower, 0.0)
-    zeros = np.zeros(model.n_u), np.zeros(model.n_p)
-    value = np.array(model.function(constraint)(x, *zeros, instant.guess)).ravel()
-    lower, upper = constraint.bounds
-    room = 1e-12 * (1 + np.abs(value))
-    return bool(np.all((value >= lower - room) & (value <= upper + room)))
-
-
-def _cell_gather(program: Program) -> Gather:
-    """Return S of the cells: see `cells` for the order of z."""
-    method, layout = program.method, program.layout
-    mesh, offsets, n_u = method.mesh, method.offsets, layout.n_u
-    k, shared = np.arange(mesh.cells), layout.shared
-    own = layout.own * layout.n_x
-    gather = Gather(shared + 2 * layout.n_x + own + len(offsets) * n_u, mesh.cells)
-    at = 0
-    for columns in (
-        np.tile(np.arange(shared), (mesh.cells, 1)),
-        layout.node(k),
-        layout.node(k + 1),
-        layout.cell(k),
-    ):
-        gather.take(at + np.arange(columns.shape[1]), columns)
-        at += columns.shape[1]
-    _gather_control(program, gather, at, *mesh.points(offsets))
-    return gather
-
-
-def _gather_control(
-    program: Program, gather: Gather, at: int, cells: Indices, offsets: Array
-) -> None:
-    """Let û at points, `len(cells) / gather.count` of them a place, be entries of z from `at`."""
-    layout, each = program.layout, len(cells) // gather.count
-    indices, weights = program.method.basis.weights(cells, offsets)
-    shape = (gather.count, each, indices.shape[1])
-    for i in range(layout.n_u):
-        columns = layout.coefficient(indices, i).reshape(shape)
-        inputs = at + np.arange(each) * layout.n_u + i
-        gather.combine(inputs, columns, weights.reshape(shape))
 
 
 def add_ends(program: Program) -> None:
@@ -222,10 +78,10 @@ def add_points(program: Program) -> None:
             (constraint.bounds.lower, constraint.bounds.upper),
             program.scale_of(constraint),
         )
-        _add_point(program, (constraint,), node, block.indices.ravel())
+        add_point(program, (constraint,), node, block.indices.ravel())
 
 
-def _add_point(
+def add_point(
     program: Program, constraints: Sequence[Constraint], node: int, rows: Indices
 ) -> None:
     """Add constraints at one node: z = [shared, x, û]."""
@@ -243,22 +99,16 @@ def _add_point(
     gather.take(layout.shared + np.arange(model.n_x), layout.node(np.array([node])))
     cell = min(node, mesh.cells - 1)
     place = np.array([float(node - cell)])
-    _gather_control(program, gather, layout.shared + model.n_x, np.array([cell]), place)
+    program.gather_control(gather, layout.shared + model.n_x, np.array([cell]), place)
     function = ca.Function("point", [z, theta], [ca.vertcat(*values)])
     weights = np.zeros((len(rows), 1))
     S = gather.matrix(program.unit)
     program.terms.append(Term(function, S, mesh.fractions[[[node]]], rows[:, None], weights))
 
 
-def bounded_by_coefficients(model: Model, basis: ControlBasis) -> NDArray[np.bool_]:
-    """Return which controls are bounded by bounding their coefficients, (n_u,).
-
-    Those of a convex basis, but for one that an equality determines: it may have to leave its bound
-    at once, which coefficients within bounds cannot follow. Of any normalised basis, those that
-    are fixed.
-    """
-    convex = basis.convex & ~model.determined_controls
-    return np.asarray(convex | (basis.normalised & model.control_bounds.fixed))
+def bounded_by_coefficients(model: Model, basis: Basis) -> NDArray[np.bool_]:
+    """Return which controls are bounded by bounding their coefficients, (n_u,)."""
+    return basis.bounded(model.determined_controls, model.control_bounds.fixed)
 
 
 def add_control_rows(program: Program) -> None:

@@ -19,10 +19,13 @@ from numpy.typing import NDArray
 
 from quito_cli.problem.model import Constraint, Model
 from quito_cli.transcription.control import ControlBasis
+from quito_cli.transcription.guess import Guess
 from quito_cli.transcription.hermite import hermite
 from quito_cli.transcription.layout import Layout
 from quito_cli.transcription.mesh import Mesh
+from quito_cli.transcription.program import Program, shared_symbols
 from quito_cli.transcription.schemes import Scheme, Step
+from quito_cli.transcription.shooting import Shooting, add_cells
 
 if TYPE_CHECKING:
     import casadi as ca
@@ -30,9 +33,13 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
+DENSE_POINTS = 10
+"""Points a cell on the grid that violations and variation are looked for on."""
+
+
 @dataclass(frozen=True)
 class Discretization:
-    """What a continuous problem is made finite with."""
+    """Multiple shooting: in every cell R steps of a scheme, the control a sum of functions."""
 
     mesh: Mesh
     basis: ControlBasis
@@ -51,9 +58,70 @@ class Discretization:
         """Offsets in the cell at which û is needed, increasing: (j + c_i)/R."""
         return _offsets(self.scheme, self.substeps)
 
+    @property
+    def breaks(self) -> Array:
+        """Ends of the substeps, j/R."""
+        return np.arange(self.substeps + 1) / self.substeps
+
+    @property
+    def interpolation(self) -> Literal["linear", "cubic"]:
+        """How states go on between the ends of the substeps."""
+        return self.scheme.interpolation
+
+    @property
+    def fine(self) -> Array:
+        """Offsets of a grid much finer than the cells."""
+        return np.arange(DENSE_POINTS) / DENSE_POINTS
+
+    @property
+    def resolved(self) -> tuple[Array, int]:
+        """The offsets at which û is looked at, and how many they are.
+
+        A staircase is no ringing: of a cellwise control the values count, not the steps.
+        """
+        inside = self.offsets[self.offsets < 1]
+        offsets = np.array([0.5]) if self.basis.function.cellwise else inside
+        return offsets, len(offsets)
+
+    @property
+    def own_are_states(self) -> bool:
+        """Bounds of states hold at the nodes."""
+        return False
+
+    @property
+    def sampled(self) -> Mesh:
+        """Guesses are asked for at the nodes."""
+        return self.mesh
+
+    @property
+    def finer(self) -> str:
+        """The options that refine it."""
+        return "--steps or --substeps"
+
+    @property
+    def calmer(self) -> str:
+        """What is known to help where the control rings."""
+        return (
+            "try --path-points substeps where a constraint of states is active, more --substeps, "
+            "a tighter --tolerance or a larger --variance"
+        )
+
     def layout(self, model: Model) -> Layout:
         """Return where the unknowns of `model` stand."""
         return Layout.of(model, self.mesh.cells, self.own_vectors, self.basis.count)
+
+    def start(self, guess: Guess, layout: Layout) -> Array:
+        """Return the unknowns of a guess at the nodes: own ones start as the cell does."""
+        own = np.repeat(guess.states[:-1], layout.own, axis=0)
+        nodes = np.arange(len(guess.fractions))
+        centres = self.basis.centres
+        coefficients = [np.interp(centres, nodes, column) for column in guess.controls.T]
+        table = np.array(coefficients).reshape(len(coefficients), self.basis.count).T
+        return guess.stacked(layout, guess.states, own, table)
+
+    def add_dynamics(self, program: Program, path_points: PathPoints | None) -> Shooting:
+        """Add the cells to a program."""
+        return add_cells(program, self, cell_functions(program.model, self, path_points))
 
 
 def _offsets(scheme: Scheme, substeps: int) -> Array:
@@ -105,17 +173,6 @@ class _Symbols:
     x1: ca.SX
     own: list[ca.SX]
     controls: list[ca.SX]
-
-
-def shared_symbols(model: Model, layout: Layout) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-    """Return the shared part of z, and t₀, t_f (numbers where fixed) and p in terms of it."""
-    import casadi as ca
-
-    shared = ca.SX.sym("shared", layout.shared)
-    free = iter(range(layout.shared))
-    t0 = shared[next(free)] if layout.free_initial_time else ca.SX(model.initial_time.lower)
-    tf = shared[next(free)] if layout.free_final_time else ca.SX(model.final_time.lower)
-    return shared, t0, tf, shared[layout.shared - layout.n_p :]
 
 
 def _symbols(model: Model, layout: Layout, offsets: int) -> _Symbols:

@@ -17,7 +17,9 @@ Only numpy is needed here: the transcription and a loaded result use the very sa
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +31,56 @@ Indices = NDArray[np.int64]
 
 _CHUNK = 50_000
 """Points evaluated at a time: bounds the memory of dense evaluations."""
+
+
+class Basis(Protocol):
+    """Functions w_m on N cells: what turns coefficients into û."""
+
+    @property
+    def cells(self) -> int:
+        """N."""
+
+    @property
+    def count(self) -> int:
+        """Coefficients a control has."""
+
+    @property
+    def pieces(self) -> int:
+        """Values that a control takes one after another: cells, or points of a collocation."""
+
+    @property
+    def centres(self) -> Array:
+        """The s of each coefficient, (count,)."""
+
+    @property
+    def attributes(self) -> Mapping[str, str | float | bool]:
+        """What tells these functions from others, by name."""
+
+    def bounded(self, determined: NDArray[np.bool_], fixed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which controls are bounded by bounding their coefficients, (n_u,).
+
+        Args:
+            determined: (n_u,) those that an equality determines.
+            fixed: (n_u,) those whose bounds are equal.
+        """
+
+    def weights(self, cells: Indices, offsets: Array) -> tuple[Indices, Array]:
+        """Return the coefficients that points depend on, and how much, (points, width) each."""
+
+    def evaluate(self, coefficients: Array, cells: Indices, offsets: Array) -> Array:
+        """Return û at points, (points, n_u), from coefficients (count, n_u)."""
+
+
+def evaluated(
+    basis: Basis, coefficients: Array, cells: Indices, offsets: Array, chunk: int
+) -> Array:
+    """Return û at points, (points, n_u), `chunk` of them at a time."""
+    values = np.empty((len(cells), coefficients.shape[1]))
+    for start in range(0, len(cells), chunk):
+        part = slice(start, start + chunk)
+        indices, weights = basis.weights(cells[part], offsets[part])
+        values[part] = np.einsum("pw,pwu->pu", weights, coefficients[indices])
+    return values
 
 
 @dataclass(frozen=True)
@@ -55,9 +107,33 @@ class ControlBasis:
         return self.cells + (0 if self.function.cellwise else 1) + 2 * self.ghosts
 
     @property
+    def pieces(self) -> int:
+        """Values that a control takes one after another."""
+        return self.cells
+
+    @property
+    def attributes(self) -> Mapping[str, str | float | bool]:
+        """What tells these functions from others, by name."""
+        found: dict[str, str | float | bool] = {
+            "generating_function": self.function.name,
+            "variance": self.variance,
+            "normalised": self.normalised,
+        }
+        return found if self.most_ghosts is None else found | {"most_ghosts": self.most_ghosts}
+
+    @property
     def convex(self) -> bool:
         """û is a convex combination of the coefficients, so that their bounds are û's."""
         return self.function.positive and self.normalised
+
+    def bounded(self, determined: NDArray[np.bool_], fixed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which controls are bounded by bounding their coefficients, (n_u,).
+
+        Those of a convex basis, but for one that an equality determines: it may have to leave its
+        bound at once, which coefficients within bounds cannot follow. Of any normalised basis,
+        those that are fixed.
+        """
+        return np.asarray((self.convex & ~determined) | (self.normalised & fixed))
 
     @property
     def centres(self) -> Array:
@@ -95,9 +171,4 @@ class ControlBasis:
 
     def evaluate(self, coefficients: Array, cells: Indices, offsets: Array) -> Array:
         """Return û at points, (points, n_u), from coefficients (count, n_u)."""
-        values = np.empty((len(cells), coefficients.shape[1]))
-        for start in range(0, len(cells), _CHUNK):
-            part = slice(start, start + _CHUNK)
-            indices, weights = self.weights(cells[part], offsets[part])
-            values[part] = np.einsum("pw,pwu->pu", weights, coefficients[indices])
-        return values
+        return evaluated(self, coefficients, cells, offsets, _CHUNK)

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.problem.model import Bounds, GuessFunction, Model, Variable
-from quito_cli.transcription.control import ControlBasis
 from quito_cli.transcription.layout import Layout
 from quito_cli.transcription.mesh import Mesh
 
@@ -36,25 +35,20 @@ class Guess:
     parameters: Array
     """(n_p,)."""
     fractions: Array
-    """(N+1,) of the nodes."""
+    """(points,) of the horizon, the ends among them."""
     states: Array
-    """(N+1, n_x) at the nodes."""
+    """(points, n_x)."""
     controls: Array
-    """(N+1, n_u) at the nodes."""
+    """(points, n_u)."""
     notes: tuple[Note, ...]
     """What had to be done to it."""
 
-    def unknowns(self, basis: ControlBasis, layout: Layout) -> Array:
-        """Return the guess of all unknowns, (n_w,)."""
+    def stacked(self, layout: Layout, nodes: Array, own: Array, coefficients: Array) -> Array:
+        """Return all unknowns, (n_w,), with the times and parameters of this guess."""
         free = (layout.free_initial_time, layout.free_final_time)
-        times = [time for time, unknown in zip(self.times, free, strict=True) if unknown]
-        nodes = np.arange(len(self.fractions))
-        own = np.repeat(self.states[:-1], layout.own, axis=0)
-        coefficients = [np.interp(basis.centres, nodes, column) for column in self.controls.T]
-        table = np.array(coefficients).reshape(len(coefficients), basis.count).T
-        return np.concatenate(
-            [times, self.parameters, self.states.ravel(), own.ravel(), table.ravel()]
-        )
+        times = np.array(self.times)[list(free)]
+        parts = [times, self.parameters, nodes.ravel(), own.ravel(), coefficients.ravel()]
+        return np.concatenate(parts)
 
 
 def middle(bounds: Bounds, otherwise: Array) -> Array:
@@ -67,7 +61,7 @@ def middle(bounds: Bounds, otherwise: Array) -> Array:
 
 
 def make_guess(model: Model, mesh: Mesh) -> Guess:
-    """Return the guess on a mesh."""
+    """Return the guess at the nodes of a mesh."""
     start, end = model.initial_time.guess, model.final_time.guess
     times = start + (end - start) * mesh.fractions
     notes: list[Note] = []

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.problem.model import Bounds, Constraint, Model
-from quito_cli.transcription.cells import Discretization
 from quito_cli.transcription.guess import Guess
 from quito_cli.transcription.layout import Layout
+from quito_cli.transcription.method import Method
 
 Array = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ _ROUNDING = 1e-12
 
 
 def unknown_scales(
-    model: Model, method: Discretization, layout: Layout, guess: Guess
+    model: Model, method: Method, layout: Layout, guess: Guess
 ) -> tuple[Array, Array]:
     """Return the unit of every unknown (n_w,), and of every state (n_x,)."""
     said = model.hints

@@ -26,7 +26,8 @@ def nonlinearity(nlp: Nlp) -> str | None:
         if row is not None:
             return _told(nlp, row)
         if term.in_objective and _hessian_varies(term):
-            along = term is nlp.transcription.cells or term.count > 1
+            dynamics = nlp.transcription.dynamics.terms
+            along = any(term.function is own.function for own in dynamics) or term.count > 1
             return f"cost.{'lagrange' if along else 'mayer'} is not quadratic"
     return None
 

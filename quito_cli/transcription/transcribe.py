@@ -10,21 +10,16 @@ from numpy.typing import NDArray
 
 from quito_cli.problem.model import Model
 from quito_cli.transcription.blocks import (
-    Program,
-    add_cells,
     add_control_rows,
     add_ends,
     add_points,
     bounded_by_coefficients,
 )
-from quito_cli.transcription.cells import (
-    CellFunctions,
-    Discretization,
-    PathPoints,
-    cell_functions,
-)
+from quito_cli.transcription.cells import PathPoints
 from quito_cli.transcription.guess import make_guess
 from quito_cli.transcription.layout import Layout
+from quito_cli.transcription.method import Dynamics, Method
+from quito_cli.transcription.program import Program
 from quito_cli.transcription.rows import Rows
 from quito_cli.transcription.scaling import unknown_scales
 from quito_cli.transcription.structure import nonlinearity
@@ -50,11 +45,9 @@ class Transcription:
     """How a Model was made finite; what reads an answer back from the unknowns."""
 
     model: Model
-    method: Discretization
+    method: Method
     layout: Layout
-    cell: CellFunctions
-    cells: Term
-    """The term of the cells, unscaled cost."""
+    dynamics: Dynamics
 
 
 @dataclass(frozen=True)
@@ -88,7 +81,7 @@ class Nlp:
 
 def transcribe(
     model: Model,
-    method: Discretization,
+    method: Method,
     objective_scale: float | None,
     path_points: PathPoints | None,
 ) -> Nlp:
@@ -96,20 +89,19 @@ def transcribe(
 
     Args:
         model: the problem.
-        method: mesh, control and scheme.
+        method: shooting or collocation, on a mesh.
         objective_scale: factor of the cost; None scales by its size at the guess.
         path_points: where path constraints hold; None where it fits each of them.
     """
-    layout, cell = method.layout(model), cell_functions(model, method, path_points)
-    guess = make_guess(model, method.mesh)
+    layout, guess = method.layout(model), make_guess(model, method.sampled)
     unit, state_unit = unknown_scales(model, method, layout, guess)
-    program = Program(model, method, layout, guess, unit)
-    cells = add_cells(program, cell, 1 / state_unit)
+    program = Program(model, method, layout, guess, (unit, state_unit))
+    dynamics = method.add_dynamics(program, path_points)
     add_ends(program)
     add_points(program)
     add_control_rows(program)
     lower, upper = _bounds(model, method, layout)
-    start = np.clip(guess.unknowns(method.basis, layout), lower, upper) / unit
+    start = np.clip(method.start(guess, layout), lower, upper) / unit
     scale = objective_scale or wanted_scale(_cost_at(program.terms, start))
     terms = tuple(replace(term, weights=scale * term.weights) for term in program.terms)
     row_lower, row_upper, row_scale = program.book.gathered()
@@ -126,11 +118,11 @@ def transcribe(
         row_scale,
         scale,
         tuple(note.message for note in guess.notes),
-        Transcription(model, method, layout, cell, cells),
+        Transcription(model, method, layout, dynamics),
     )
 
 
-def _bounds(model: Model, method: Discretization, layout: Layout) -> tuple[Array, Array]:
+def _bounds(model: Model, method: Method, layout: Layout) -> tuple[Array, Array]:
     """Return bounds of all unknowns."""
     basis, sides = method.basis, []
     for side, infinity in enumerate((-np.inf, np.inf)):
@@ -138,7 +130,8 @@ def _bounds(model: Model, method: Discretization, layout: Layout) -> tuple[Array
         shared = [(i.lower, i.upper)[side] for i in instants if not i.fixed]
         nodes = np.tile(list(model.state_bounds)[side], (layout.cells + 1, 1))
         nodes[0], nodes[-1] = list(model.initial)[side], list(model.final)[side]
-        inner = np.full(layout.cells * layout.own * layout.n_x, infinity)
+        own = list(model.state_bounds)[side] if method.own_are_states else infinity
+        inner = np.broadcast_to(own, (layout.cells * layout.own, layout.n_x)).ravel()
         control = list(model.control_bounds)[side]
         # Rows say nothing of û beyond its last point: a range of room keeps ghosts from running.
         room = np.diff(list(model.control_bounds), axis=0)[0] * np.sign(infinity)
