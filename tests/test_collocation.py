@@ -189,9 +189,13 @@ def test_derivatives_are_those_of_casadi(problem: str, method: Collocation, mode
     assert a.jacobian.nnz_out(1) <= 1.3 * expressions[1].nnz()
 
 
+def with_roots(roots: Array) -> Any:
+    return Polynomial.fromroots(roots) if len(roots) else Polynomial([1.0])
+
+
 def lagrange_slopes(nodes: Array) -> Array:
     """Derivatives at the nodes of the polynomials that are one at a node and zero at others."""
-    rows = [Polynomial.fromroots(np.delete(nodes, j)) for j in range(len(nodes))]
+    rows = [with_roots(np.delete(nodes, j)) for j in range(len(nodes))]
     return np.array([(p / p(c)).deriv()(nodes) for p, c in zip(rows, nodes, strict=True)]).T
 
 
@@ -207,14 +211,14 @@ def test_values_are_those_of_a_plain_loop(
     both = Legendre.basis(D) + Legendre.basis(D - 1)
     tau = np.sort(both.roots().real)
     slopes = lagrange_slopes(np.append((1 + tau) / 2, 1))
-    inside = [Polynomial.fromroots(np.delete(tau, j)) for j in range(D)]
+    inside = [with_roots(np.delete(tau, j)) for j in range(D)]
     shares = np.array(
         [(p.integ()(1) - p.integ()(-1)) / p(c) / 2 for p, c in zip(inside, tau, strict=True)]
     )
     t0, tf = layout.times(physical, given)
     p, nodes = layout.parameters(physical), layout.states(physical)
     u = layout.coefficient_table(physical).reshape(method.mesh.cells, D, -1)
-    own = physical[layout.first_own : layout.first_coefficient].reshape(-1, D - 1, given.n_x)
+    own = physical[layout.first_own : layout.first_coefficient].reshape(len(u), D - 1, given.n_x)
     total, integrals, found = 0.0, np.zeros(2), []
     path: dict[str, list[Array]] = {c.name: [] for c in given.constraints.path}
     for k, (a, b) in enumerate(itertools.pairwise(t0 + (tf - t0) * method.mesh.fractions)):
@@ -505,6 +509,15 @@ def test_two_quadratic_programs_solvers_agree(lq: str, solve: Solve) -> None:
     assert one.costate(t) == pytest.approx(other.costate(t), abs=1e-6)
 
 
+def test_what_is_no_quadratic_program_is_named(lq: str) -> None:
+    text = lq.replace("u^2)", "u^4)")
+    with pytest.raises(quito.UsageError, match=r"cost\.lagrange is not quadratic"):
+        quito.solve(load_text(text, "test.yaml"), **lgr(1, 1, solver="piqp"))
+    text = lq.replace("dynamics: {x: u}", "dynamics: {x: u - x^2}")
+    with pytest.raises(quito.UsageError, match=r"the dynamics of x is not linear"):
+        quito.solve(load_text(text, "test.yaml"), **lgr(2, 3, solver="piqp"))
+
+
 # The evidence
 
 
@@ -519,7 +532,7 @@ def test_the_ringing_of_a_singular_arc_is_told(solve: Solve) -> None:
     assert found.evidence.ringing[0] > 1e4
     assert found.evidence.total_variation[0] > 20
     said = " ".join(found.evidence.warnings)
-    assert "collocation rings at jumps and on singular arcs" in said
+    assert "collocation does at jumps and on singular arcs" in said
     assert "--degree" in said
     assert "--substeps" not in said
 

@@ -120,8 +120,8 @@ class Collocation:
     def calmer(self) -> str:
         """What is known to help where the control rings."""
         return (
-            "collocation rings at jumps and on singular arcs; another --discretization, such as "
-            "the default, does not, and more --steps of a lower --degree ring less far"
+            "collocation does at jumps and on singular arcs; try another --discretization, such as "
+            "the default, or more --steps of a lower --degree"
         )
 
     def layout(self, model: Model) -> Layout:
