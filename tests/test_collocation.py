@@ -16,6 +16,7 @@ from numpy.polynomial import Legendre, Polynomial
 from numpy.typing import NDArray
 
 import quito_cli as quito
+from quito_cli.check import check
 from quito_cli.cli.report import print_solution
 from quito_cli.problem.load import load_text
 from quito_cli.problem.model import Model
@@ -620,6 +621,14 @@ def test_the_summary_says_what_it_is(solve: Solve, capsys: pytest.CaptureFixture
     assert "method collocation at 6 Legendre-Gauss-Radau points in each of 5 cells" in said
     assert "degree 6" in said
     assert "variance" not in said
+
+
+def test_few_cells_are_no_reason_to_warn(lq: str) -> None:
+    """They are too few for bumps, not for polynomials."""
+    few = {"": 1, "discretization: lgr, ": 0}
+    for option, warnings in few.items():
+        text = f"{lq}options: {{{option}steps: 2}}\n"
+        assert len(check(load_text(text, "test.yaml"))) == warnings
 
 
 def test_a_file_may_not_ask_for_dense_blocks_without_end() -> None:
