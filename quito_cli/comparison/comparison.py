@@ -41,6 +41,8 @@ class Truth:
     """Where it is known; None where it is a formula."""
     total_variation: tuple[float, ...] = ()
     """By control, jumps counted; NaN where unknown."""
+    blur: float = 0.0
+    """Time to either side of a switching time over which a jump is spread: none, in a formula."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,8 @@ class Row:
     """The largest of them, each over the largest |x*|."""
     switching_times: tuple[float, ...]
     """Found near each of the truth's; NaN where none is."""
+    switching_errors: tuple[float, ...]
+    """Found − the truth's."""
     total_variation: tuple[float, ...]
     """By control."""
     ringing: tuple[float, ...] | None
@@ -91,6 +95,12 @@ class Row:
     """(n, n_u) error of the controls at the sample times; NaN where unknown."""
     spectrum: Array
     """(n//2 + 1, n_u) modulus of its discrete Fourier transform, not normalised."""
+
+    @property
+    def seconds(self) -> float:
+        """Build and solve."""
+        statistics = self.solution.statistics
+        return statistics.build_seconds + statistics.solve_seconds
 
 
 @dataclass(frozen=True)

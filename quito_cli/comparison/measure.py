@@ -135,6 +135,7 @@ def _row(method: str, solution: Solution, ruler: _Ruler) -> Row:
         (np.nan,) * len(solution.origin.states),
         None,
         (),
+        (),
         variation(solution, solution.times, horizon),
         solution.evidence.ringing,
         samples,
@@ -149,6 +150,7 @@ def _row(method: str, solution: Solution, ruler: _Ruler) -> Row:
     state_errors, sizes = np.abs(states - known).max(axis=(0, 1)), np.abs(known).max(axis=(0, 1))
     relative = (state_errors / np.where(sizes > 0, sizes, 1.0))[~np.isnan(state_errors)]
     cost, evidence = truth.cost, solution.evidence
+    switching = switching_times(solution.control, truth, horizon)
     return replace(
         row,
         errors=norms.together(by_control),
@@ -157,9 +159,8 @@ def _row(method: str, solution: Solution, ruler: _Ruler) -> Row:
         resimulated_cost_error=None if cost is None else evidence.resimulated_cost - cost,
         state_errors=tuple(float(e) for e in state_errors),
         state_error=float(relative.max()) if relative.size else None,
-        switching_times=switching_times(
-            solution.control, truth.control, truth.switching_times, horizon
-        ),
+        switching_times=switching,
+        switching_errors=tuple(np.subtract(switching, truth.switching_times).tolist()),
         samples=samples,
         spectrum=norms.spectrum(samples),
     )

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.comparison.comparison import OfTime
+from quito_cli.comparison.comparison import OfTime, Truth
 
 Array = NDArray[np.float64]
 
@@ -25,16 +25,18 @@ _BESIDE = 1e-9
 
 
 def switching_times(
-    answer: OfTime, truth: OfTime, times: tuple[float, ...], horizon: tuple[float, float]
+    answer: OfTime, truth: Truth, horizon: tuple[float, float]
 ) -> tuple[float, ...]:
-    """Return when `answer` switches, one for each of `times`; NaN where it or the truth does not.
+    """Return when `answer` switches, one for each of the truth's times; NaN where either does not.
 
     Of several controls that jump at once, the one whose jump is largest for it is followed.
     """
+    times = truth.switching_times
     if not times:
         return ()
     at, length = np.array(times), horizon[1] - horizon[0]
-    before, after = truth(at - _BESIDE * length), truth(at + _BESIDE * length)
+    beside = max(_BESIDE * length, truth.blur)
+    before, after = truth.control(at - beside), truth.control(at + beside)
     with np.errstate(invalid="ignore"):
         span = np.maximum(before, after).max(axis=0) - np.minimum(before, after).min(axis=0)
         jumps = np.abs(after - before) / np.where(span > 0, span, np.inf)

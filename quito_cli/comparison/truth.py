@@ -17,6 +17,10 @@ from quito_cli.solution.variation import total_variation
 Array = NDArray[np.float64]
 
 
+BLUR = 6
+"""Cells to either side over which a quasi-interpolant may spread a jump."""
+
+
 def from_reference(model: Model) -> Truth | None:
     """Return what the file knows, or None where it knows no control, or without any, no state."""
     known = model.known
@@ -54,6 +58,7 @@ def from_solution(solution: Solution, title: str, known: Known | None = None) ->
         solution.state,
         tuple(float(t) for t in solution.times),
         (float(solution.times[0]), float(solution.times[-1])),
+        blur=BLUR * float(np.diff(solution.times).max()),
     )
 
 
