@@ -85,8 +85,6 @@ class Row:
     """The largest of them, each over the largest |x*|."""
     switching_times: tuple[float, ...]
     """Found near each of the truth's; NaN where none is."""
-    switching_errors: tuple[float, ...]
-    """Found − the truth's."""
     total_variation: tuple[float, ...]
     """By control."""
     ringing: tuple[float, ...] | None
@@ -95,6 +93,8 @@ class Row:
     """(n, n_u) error of the controls at the sample times; NaN where unknown."""
     spectrum: Array
     """(n//2 + 1, n_u) modulus of its discrete Fourier transform, not normalised."""
+    switching_errors: tuple[float, ...] = ()
+    """Found − the truth's."""
 
     @property
     def seconds(self) -> float:

@@ -135,7 +135,6 @@ def _row(method: str, solution: Solution, ruler: _Ruler) -> Row:
         (np.nan,) * len(solution.origin.states),
         None,
         (),
-        (),
         variation(solution, solution.times, horizon),
         solution.evidence.ringing,
         samples,

@@ -111,8 +111,8 @@ def method(name: str) -> Method:
         return Method(name, lambda ours: _shooting(ours, _OF_SHOOTING) | dict(classical))
     known = [row.form for row in METHODS]
     raise UsageError(
-        f"there is no method '{name}'{suggest(name, known)}; there are {', '.join(known)}; and "
-        f"{SELF}, a finer solve as the truth"
+        f"there is no method '{name}'{suggest(name, [*known, SELF])}; there are "
+        f"{', '.join(known)}; and {SELF}, a finer solve as the truth"
     )
 
 

@@ -222,6 +222,8 @@ def _known(value: Figure) -> bool:
 
 def text(value: Figure, format: str) -> str:
     """Return a figure as text."""
+    if value == 0:
+        return "0"
     return _MISSING if value is None or math.isnan(value) else f"{value:{format}}"
 
 
