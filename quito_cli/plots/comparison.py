@@ -160,10 +160,14 @@ def figure(comparison: Comparison, name: str) -> Figure | None:
     legend = 0.22 * math.ceil(len(entries) / columns)
     size = kind.width, 0.8 + legend + kind.height * len(rows)
     drawn = Figure(figsize=size, layout="constrained")
+    limits = _limits(panels)
     for i, panel, place in places(drawn, rows, [1.0] * len(rows)):
         axes = drawn.add_subplot(place)
         _draw(axes, panel, len(comparison.rows))
-        if i == len(rows) - 1 or panel.axis != "t":
+        axes.set_xlim(*limits[panel.axis])
+        if i + 1 < len(rows) and len(rows[i + 1]) == len(rows[i]):
+            axes.tick_params(labelbottom=False)  # they stand under the plot below
+        elif i + 1 == len(rows) or panel.axis != "t":
             axes.set_xlabel(panel.axis)
     drawn.suptitle(_heading(comparison, kind))
     drawn.legend(
@@ -182,6 +186,19 @@ def _heading(comparison: Comparison, kind: Kind) -> str:
     return f"{title}\n{kind.heading}"
 
 
+def _limits(panels: Sequence[Panel]) -> dict[str, tuple[float, float]]:
+    """Return from where to where each kind of horizontal axis reaches: the same in all plots."""
+    ends: dict[str, list[float]] = {}
+    for panel in panels:
+        for trace in panel.traces:
+            ends.setdefault(panel.axis, []).extend(trace.x[[0, -1]])
+    limits = {}
+    for axis, points in ends.items():
+        margin = 0.01 * (max(points) - min(points)) or 1.0
+        limits[axis] = min(points) - margin, max(points) + margin
+    return limits
+
+
 def _draw(axes: Axes, panel: Panel, count: int) -> None:
     for start, end in panel.zones:
         axes.axvspan(start, end, zorder=0.2, **_ZONE)
@@ -191,9 +208,9 @@ def _draw(axes: Axes, panel: Panel, count: int) -> None:
         _line(axes, trace, 2.0 + place / len(panel.traces), count)
     if panel.logarithmic:
         axes.set_yscale("log")
+        axes.minorticks_off()
     axes.set_ylim(panel.low, panel.high)
     axes.set_ylabel(panel.label)
-    axes.margins(x=0.01)
     axes.grid(alpha=0.25)
     if panel.note:
         axes.set_title(plain(panel.note), fontsize="x-small", loc="right", color=BOUND, pad=3)
@@ -205,9 +222,9 @@ def _line(axes: Axes, trace: Trace, order: float, count: int) -> None:
         axes.plot(trace.x, trace.y, zorder=1.9, **_REFERENCE)
         return
     if trace.method == 0:
-        width, alpha = (0.9 if trace.rough else 1.5), 1.0
+        width, alpha = (0.9 if trace.rough else 1.3), 1.0
     elif trace.rough:
-        width, alpha, order = 0.6, 0.7, order - 0.9 * (order - 1.0)
+        width, alpha, order = 0.6, 0.6, order - 0.9 * (order - 1.0)
     else:
         width, alpha = 1.1, 1.0
     ends = trace.x[[0, -1]]

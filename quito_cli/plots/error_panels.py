@@ -26,6 +26,8 @@ _LARGE = 1.5
 _MAGNIFIED = 3.0
 """Magnified plots reach to this multiple of the first method's error between the jumps, and stand
 where that is by this factor less than the whole."""
+_CLOSE = 1e-4
+"""Part of the control's span that is magnified at most: errors far below are a flat line."""
 _USUAL = 0.95
 """Part of the samples outside the jump zones that counts as between the jumps."""
 _ROUNDING = 1e-14
@@ -114,7 +116,7 @@ def magnified(comparison: Comparison) -> list[Panel]:
     for error in _errors(comparison):
         low, high = _whole(error)
         whole = max(-low, high)
-        reach = _MAGNIFIED * max(error.usual, _ROUNDING * error.size)
+        reach = max(_MAGNIFIED * error.usual, _CLOSE * error.size)
         closer = closer or _MAGNIFIED * reach < whole
         reach = min(reach, whole) or error.size
         panels.append(
@@ -175,5 +177,5 @@ def _logarithmic(
     raised = [(n, x, np.maximum(y, foot)) for n, x, y in lines]
     drawn = traces([(n, x, np.log10(y)) for n, x, y in raised], np.log10(foot), np.log10(top))
     restored = tuple(type(t)(t.method, t.x, 10**t.y, t.rough) for t in drawn)
-    note = "where there is none: drawn at the foot" if zero else ""
+    note = "zero is drawn at the foot" if zero else ""
     return Panel(label, axis, restored, 0.8 * foot, 1.6 * top, (), zones, True, note)

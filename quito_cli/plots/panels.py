@@ -34,8 +34,9 @@ _FAR = 2.0
 _NEAR = 0.6
 _BEYOND = 1.0
 """Part of the frame's height that rings and divergence may add on either side."""
-_ROUGH = 4.0
-"""A line whose total variation is this many times that of the reference covers what is beneath."""
+_ROUGH, _ROUGH_ERROR = 4.0, 12.0
+"""A line covers what is beneath if its total variation within the frame is this many times the
+reference's; an error's, if it crosses its frame this often."""
 _TAME = 20.0
 """Values further out than this many frames are drawn there: far out of sight."""
 
@@ -115,11 +116,11 @@ def _trajectories(
         limits = {b for i in entries for b in (quantities[i].lower, quantities[i].upper)}
         bounds = tuple(sorted(b for b in limits if low - reach <= b <= high + reach))
         lines = [(n, x, y[:, i]) for i in entries for n, x, y in curves]
+        low, high = padded(min(low, high, *bounds), max(low, high, *bounds))
         note = beyond(comparison, lines, low, high)
-        low, high = min(low, *bounds, high), max(high, *bounds, low)
         label = with_unit(name, quantities[entries[0]].unit)
         drawn = traces(lines, low, high)
-        panels.append(Panel(label, "t", drawn, *padded(low, high), bounds, note=note))
+        panels.append(Panel(label, "t", drawn, low, high, bounds, note=note))
     return panels
 
 
@@ -191,11 +192,14 @@ def traces(lines: list[Line], low: float, high: float) -> tuple[Trace, ...]:
     for number, _, y in lines:
         steps = np.abs(np.diff(np.clip(y, low, high)))
         variation[number] = variation.get(number, 0.0) + float(np.nansum(steps))
-    smooth = _ROUGH * max(variation.get(-1, variation.get(0, 0.0)), high - low)
+    most = _ROUGH_ERROR * (high - low)
+    if -1 in variation:
+        most = _ROUGH * max(variation[-1], high - low)
     order = sorted(lines, key=lambda line: (line[0] == 0, -variation[line[0]]))
     return tuple(
-        Trace(n, *thinned(x, np.clip(y, low - room, high + room)), variation[n] > smooth)
+        Trace(n, *thinned(x, np.clip(y, low - room, high + room)), variation[n] > most)
         for n, x, y in order
+        if np.isfinite(y).any()
     )
 
 
