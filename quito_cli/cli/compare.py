@@ -191,7 +191,7 @@ def compare(
         from quito_cli.cli.comparison import print_comparison
 
         print_comparison(found, drawn, verbose=verbose)
-    if any(row.solution.status.name == "INTERRUPTED" for row in found.rows):
+    if found.interrupted:
         raise typer.Exit(INTERRUPTED)
     if found.truth is None or not all(row.solution.success for row in found.rows):
         raise typer.Exit(1)

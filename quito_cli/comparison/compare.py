@@ -90,16 +90,19 @@ def compare(
     name = name_of(ours)
     solution = saved or solve(problem, listener=_told(listener, name), **options)
     answers = [(name, solution), *_solved(problem, others, ours, solution, listener)]
-    interrupted = answers[-1][1].status is Status.INTERRUPTED
+    last = answers[-1][1]
     notes: list[str] = []
     truth = None if against_self else from_reference(model)
-    if truth is None and not interrupted:
+    if truth is None and last.status is not Status.INTERRUPTED:
         asked = saved is not None or options.get("steps") is not None
-        truth, notes = _finer(problem, model, solution, against_self, asked, listener)
+        last = _finer(problem, solution, asked, listener)
+        truth, notes = _as_truth(last, model, against_self)
+    interrupted = last.status is Status.INTERRUPTED
     if interrupted:
-        notes.append("interrupted: the methods after the last row were not solved")
+        notes.append("interrupted: what was to follow was not solved")
     setting = Setting(samples or SAMPLES * control_points(ours), zone)
-    return measured(answers, truth, setting, problem.published, notes)
+    found = measured(answers, truth, setting, problem.published, notes)
+    return replace(found, interrupted=interrupted)
 
 
 def _plain(options: Mapping[str, Any]) -> dict[str, Any]:
@@ -155,15 +158,8 @@ def _solved(
     return found
 
 
-def _finer(
-    problem: Problem,
-    model: Model,
-    ours: Solution,
-    wanted: bool,
-    asked: bool,
-    listener: Listener | None,
-) -> tuple[Truth | None, list[str]]:
-    """Return a finer solve as the truth, and what is to be said of it."""
+def _finer(problem: Problem, ours: Solution, asked: bool, listener: Listener | None) -> Solution:
+    """Solve as ours was solved, on more cells; `asked` is whether ours was asked for by name."""
     options = again(ours.options)
     cells = FINER * int(options.pop("steps"))
     if asked:
@@ -172,20 +168,23 @@ def _finer(
         finer = problem.options.model_copy(update={"steps": cells})
         problem = problem.model_copy(update={"options": finer})
     told = _told(listener, f"the truth, {cells} cells")
-    solution = _named(SELF, partial(solve, problem, listener=told, **options))
-    notes = []
+    return _named(SELF, partial(solve, problem, listener=told, **options))
+
+
+def _as_truth(finer: Solution, model: Model, wanted: bool) -> tuple[Truth | None, list[str]]:
+    """Return a finer solve as the truth, and what is to be said of it; `wanted` is by name."""
+    notes, known = [], model.known
     if not wanted:
-        lacks = "no reference" if model.known is None else "no reference of its control"
+        lacks = "no reference" if known is None else "no reference of its control"
         notes.append(f"the problem has {lacks}: held against a finer solve of itself")
-    if not solution.success:
-        notes.append(
-            f"the finer solve did not converge, so no errors are known: {solution.status.value}"
-        )
+    if not finer.success:
+        said = finer.status.value.removesuffix(".")
+        notes.append(f"that did not converge, so no errors are known: {said}")
         return None, notes
-    truth = from_solution(solution, f"a solve on {cells} cells", model.known)
-    if not wanted and model.known is not None and model.known.cost is not None:
+    truth = from_solution(finer, f"a solve on {len(finer.times) - 1} cells", known)
+    if not wanted and known is not None and known.cost is not None:
         notes.append("the cost is held against the file's")
-        truth = replace(truth, cost=model.known.cost, accuracy=model.known.accuracy)
+        truth = replace(truth, cost=known.cost, accuracy=known.accuracy)
     return truth, notes
 
 

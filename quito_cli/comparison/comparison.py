@@ -124,3 +124,5 @@ class Comparison:
     published: tuple[Published, ...]
     notes: tuple[str, ...] = ()
     """What a reader must know of how it was compared."""
+    interrupted: bool = False
+    """Whether it was stopped before all was solved."""

@@ -74,4 +74,5 @@ def variation(
     """Return the total variation of each control on the horizon, sampled as errors are."""
     breaks = np.array(of.breaks) if isinstance(of, Truth) else np.zeros(0)
     values = grid(nodes, breaks, horizon).sample(of.control)
-    return tuple(float(v) for v in total_variation(values.reshape(-1, values.shape[2])))
+    in_order = values.reshape(values.shape[0] * values.shape[1], values.shape[2])
+    return tuple(float(v) for v in total_variation(in_order))
