@@ -117,7 +117,7 @@ def _common_horizon(solutions: Sequence[Solution], truth: Truth | None) -> tuple
     if truth is not None and truth.horizon is not None:
         horizons.append(truth.horizon)
     start, end = max(h[0] for h in horizons), min(h[1] for h in horizons)
-    if end <= start:
+    if not end > start:
         raise UsageError("the horizons of these answers have no time in common")
     return start, end
 

@@ -38,6 +38,9 @@ LEAST = 2
 WITHIN = 1e-9
 """Part of a panel by which a limit from within keeps off its end."""
 
+SAME = 64
+"""Units in the last place by which two ends differ that are meant to be the same time."""
+
 
 @dataclass(frozen=True)
 class Grid:
@@ -70,10 +73,11 @@ def grid(nodes: Array, breaks: Array, horizon: tuple[float, float], zones: Zones
     inner = (nodes[:-1, None] + np.diff(nodes)[:, None] * places).ravel()
     ends = np.concatenate([inner, nodes[-1:], breaks, np.ravel(zones), horizon])
     ends = np.unique(ends[(ends >= horizon[0]) & (ends <= horizon[1])])
+    ulp = np.spacing(np.abs(ends).max())
+    ends = ends[np.append(True, np.diff(ends) > SAME * ulp)]
     starts, lengths = ends[:-1, None], np.diff(ends)[:, None]
     x, w = np.polynomial.legendre.leggauss(POINTS)
-    least = 16 * np.spacing(np.abs(ends).max())
-    off = np.minimum(np.maximum(WITHIN * lengths, least), lengths / 2)
+    off = np.minimum(np.maximum(WITHIN * lengths, 2 * SAME * ulp), lengths / 2)
     times = np.hstack([starts + off, starts + lengths * (x + 1) / 2, starts + lengths - off])
     middles = ends[:-1] + np.diff(ends) / 2
     inside = [(middles > start) & (middles < end) for start, end in zones]

@@ -2,7 +2,7 @@
 
 Where a control of the truth jumps at a switching time, the answer switches where its own control
 crosses the middle of that jump. Looked for is the crossing nearest to the truth's time, half-way to
-its neighbours and no further than a tenth of the horizon.
+its neighbours and no further than a seventh of the horizon.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from quito_cli.comparison.comparison import OfTime, Truth
 
 Array = NDArray[np.float64]
 
-FARTHEST = 0.1
+FARTHEST = 1 / 7
 """Of the horizon, from the truth's switching time."""
 POINTS = 4001
 """Looked at around it."""
 JUMP = 1e-3
-"""Smallest jump, over the span of the control at both sides of all switching times."""
+"""Smallest jump, over the span of the control."""
 _BESIDE = 1e-9
 """Of the horizon: where the limits of the truth are taken."""
 
@@ -37,9 +37,8 @@ def switching_times(
     at, length = np.array(times), horizon[1] - horizon[0]
     beside = max(_BESIDE * length, truth.blur)
     before, after = truth.control(at - beside), truth.control(at + beside)
-    with np.errstate(invalid="ignore"):
-        span = np.maximum(before, after).max(axis=0) - np.minimum(before, after).min(axis=0)
-        jumps = np.abs(after - before) / np.where(span > 0, span, np.inf)
+    span = np.ptp(truth.control(np.linspace(*horizon, POINTS)), axis=0)
+    jumps = np.abs(after - before) / np.where(span > 0, span, np.inf)
     jumps = np.where(np.isfinite(jumps), jumps, 0.0)
     limits = np.concatenate([[horizon[0]], (at[1:] + at[:-1]) / 2, [horizon[1]]])
     found = []
