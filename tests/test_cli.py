@@ -37,7 +37,7 @@ ROOT = Path(__file__).parent.parent
 ACCEPTED = ROOT / "tests" / "problems" / "accepted"
 BUNDLED = sorted(path.stem for path in (ROOT / "problems").glob("*.yaml"))
 COMMANDS = (
-    *("solve", "check", "list", "show", "new", "plot", "generating-functions", "solvers"),
+    *("solve", "compare", "check", "list", "show", "new", "plot", "generating-functions", "solvers"),
     "schema",
 )
 MAGIC = {"png": b"\x89PNG\r\n\x1a\n", "pdf": b"%PDF-", "svg": b"<?xml"}

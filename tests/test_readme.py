@@ -21,7 +21,7 @@ from quito_cli.solve import Options
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 COMMANDS = (
-    *("solve", "check", "list", "show", "new", "plot", "generating-functions", "solvers"),
+    *("solve", "compare", "check", "list", "show", "new", "plot", "generating-functions", "solvers"),
     "schema",
 )
 

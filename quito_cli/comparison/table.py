@@ -58,6 +58,8 @@ def _switching_error(row: Row) -> Figure:
     return max(found, default=None)
 
 
+OUTSIDE: Final = "error_sup_outside"
+"""Shown where there are jump zones."""
 COLUMNS: Final[Mapping[str, tuple[Column, ...]]] = {
     "Solve": (
         Column(
@@ -120,7 +122,7 @@ COLUMNS: Final[Mapping[str, tuple[Column, ...]]] = {
         Column("error_l1", "L1", r"$\|e\|_{L^1}$", ".3g", "integral of |e|", _of_errors("l1")),
         Column("error_sup", "sup", r"$\|e\|_\infty$", ".3g", "largest |e|", _of_errors("sup")),
         Column(
-            *("error_sup_outside", "outside", r"outside", ".2g"),
+            *(OUTSIDE, "outside", "outside", ".2g"),
             "largest |e| outside of the jump zones",
             _of_errors("sup_outside"),
         ),
@@ -181,8 +183,11 @@ def _table(comparison: Comparison, title: str, given: tuple[Column, ...]) -> Tab
     columns = tuple(
         column
         for column in given
-        if any(_known(column.value(row)) for row in comparison.rows)
-        or any(_known(_of_published(column, row)) for row in comparison.published)
+        if (comparison.zones or column.key != OUTSIDE)
+        and (
+            any(_known(column.value(row)) for row in comparison.rows)
+            or any(_known(_of_published(column, row)) for row in comparison.published)
+        )
     )
     published = [
         row

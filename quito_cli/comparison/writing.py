@@ -18,6 +18,7 @@ _TEX: Final = {
     "^": r"\textasciicircum{}",
     "<": r"\textless{}",
     ">": r"\textgreater{}",
+    "|": r"\textbar{}",
     **{mark: f"\\{mark}" for mark in "&%$#_{}"},
 }
 _MARKDOWN: Final = re.compile(r"([\\`*_\[\]<>|~])")
