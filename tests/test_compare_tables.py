@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import re
+import shutil
+import subprocess
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -135,3 +138,19 @@ def test_json_names_controls_and_states(found: Comparison) -> None:
     assert list(said["rows"][0]["states"]) == ["x_1"]
     assert said["published"][1] == {"tool": "silent"}
     assert said["rows"][1]["switching_times"][0]["known"] == 0.5
+
+
+@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="LaTeX is not here")
+def test_latex_compiles(found: Comparison, tmp_path: Path) -> None:
+    page = f"\\documentclass{{article}}\n\\begin{{document}}\n{latex(found)}\n\\end{{document}}\n"
+    (tmp_path / "page.tex").write_text(page, encoding="utf-8")
+    done = subprocess.run(
+        ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "-no-shell-escape", "page"],
+        cwd=tmp_path,
+        capture_output=True,
+        check=False,
+        timeout=60,
+    )
+    log = (tmp_path / "page.log").read_text(encoding="utf-8", errors="replace")
+    assert done.returncode == 0, log[-2000:]
+    assert (tmp_path / "page.pdf").is_file()

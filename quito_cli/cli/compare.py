@@ -140,9 +140,10 @@ def compare(
     """Compare an answer with what is known of it, and with what other methods find.
 
     The first row is ours, and the gates are limits of that row alone: exit code 3 where one is not
-    kept. The number of cells, tolerance, iterations, solver and --set hold for all methods;
-    variance, discretization and substeps for ours and those that differ from it by their control;
-    hermite-simpson and piecewise-constant have as many cells as ours.
+    kept. Tolerance, iterations, solver and --set hold for all methods; -N for all but lgr:KxD;
+    variance, discretization and substeps for ours and those that differ from it by their control
+    alone, the generating functions and piecewise-constant. Where the final time is free, all are
+    compared on the time that they have in common.
 
     Results are held against the reference of their file where they all state the same problem and
     the file knows the control, and against the first of them otherwise. They must have the same
