@@ -386,6 +386,13 @@ def test_a_saved_result_is_our_row(compare: Compare, monkeypatch: pytest.MonkeyP
     assert [row["method"] for row in found["rows"]] == ["quasi-interpolant:sech", "laguerre4"]
     assert [row["options"]["steps"] for row in found["rows"]] == [7, 7]
     assert found["samples"] == 7 * SAMPLES
+    more = ["--against", "sech,self,laguerre4", "--tolerance", "1e-6"]
+    found = compare("known.yaml", "--result", "results/known.h5", *more, "--json").json
+    assert found["against"] == f"a solve on {FINER * 7} cells"
+    assert [row["options"]["tolerance"] for row in found["rows"]] == [1e-9, 1e-6]
+    solution = quito.Solution.load("results/known.h5")
+    again = quito.compare("known.yaml", result=solution)
+    assert again.rows[0].solution is solution
 
 
 def test_a_result_of_another_problem(compare: Compare, monkeypatch: pytest.MonkeyPatch) -> None:

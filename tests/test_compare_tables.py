@@ -13,7 +13,8 @@ import pytest
 import quito_cli as quito
 from quito_cli.cli.comparison import print_comparison
 from quito_cli.comparison.comparison import Comparison
-from quito_cli.comparison.table import COLUMNS, as_dictionary, tables, text
+from quito_cli.comparison.dictionary import as_dictionary
+from quito_cli.comparison.table import COLUMNS, tables, text
 from quito_cli.comparison.writing import latex, markdown
 from quito_cli.problem.load import load_text
 from quito_cli.problem.schema_reference import Published

@@ -85,7 +85,7 @@ def compare(
     problem = changed(problem, constants or {})
     model = build(problem)
     saved = _saved(result, problem, options) if result is not None else None
-    ours = saved.options if saved else asdict(Options.resolve(problem.options, _plain(options)))
+    ours = _settled(problem, saved, options)
     others = _others(problem, methods, ours)
     name = name_of(ours)
     solution = saved or solve(problem, listener=_told(listener, name), **options)
@@ -95,7 +95,7 @@ def compare(
     truth = None if against_self else from_reference(model)
     if truth is None and last.status is not Status.INTERRUPTED:
         asked = saved is not None or options.get("steps") is not None
-        last = _finer(problem, solution, asked, listener)
+        last = _finer(problem, ours, asked, listener)
         truth, notes = _as_truth(last, model, against_self)
     interrupted = last.status is Status.INTERRUPTED
     if interrupted:
@@ -105,8 +105,13 @@ def compare(
     return replace(found, interrupted=interrupted)
 
 
-def _plain(options: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in options.items() if name != "guess"}
+def _settled(
+    problem: Problem, saved: Solution | None, options: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return the options that our row is solved with, or was; and what was asked for beside it."""
+    given = {k: v for k, v in options.items() if k != "guess" and v is not None}
+    resolved = asdict(Options.resolve(problem.options, given))
+    return resolved if saved is None else {**saved.options, **{k: resolved[k] for k in given}}
 
 
 def _told(listener: Listener | None, method: str) -> Callable[[Progress], None] | None:
@@ -158,9 +163,11 @@ def _solved(
     return found
 
 
-def _finer(problem: Problem, ours: Solution, asked: bool, listener: Listener | None) -> Solution:
+def _finer(
+    problem: Problem, ours: Mapping[str, Any], asked: bool, listener: Listener | None
+) -> Solution:
     """Solve as ours was solved, on more cells; `asked` is whether ours was asked for by name."""
-    options = again(ours.options)
+    options = again(ours)
     cells = FINER * int(options.pop("steps"))
     if asked:
         options["steps"] = cells
