@@ -89,14 +89,14 @@ COLUMNS: Final[Mapping[str, tuple[Column, ...]]] = {
         ),
     ),
     "Cost": (
-        Column("cost", "cost", "cost", ".10g", "as solved", lambda row: row.solution.cost),
+        Column("cost", "cost", "cost", ".8g", "as solved", lambda row: row.solution.cost),
         Column(
             *("cost_error", "error", "error", "+.1e"),
             "cost - the truth's: below zero where it claims more than can be had",
             lambda row: row.cost_error,
         ),
         Column(
-            *("resimulated_cost", "re-simulated", "re-simulated", ".10g"),
+            *("resimulated_cost", "re-simulated", "re-simulated", ".8g"),
             "what the control attains, integrated anew",
             lambda row: row.solution.evidence.resimulated_cost,
         ),
