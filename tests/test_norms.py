@@ -19,7 +19,7 @@ from quito_cli.comparison import norms
 from quito_cli.comparison.comparison import Comparison, Errors, Truth
 from quito_cli.comparison.measure import Setting, measured
 from quito_cli.comparison.switching import switching_times
-from quito_cli.comparison.truth import from_reference, with_variation
+from quito_cli.comparison.truth import from_reference, from_solution, with_variation
 from quito_cli.problem.model import Model
 
 Array = NDArray[np.float64]
@@ -273,3 +273,13 @@ def test_the_truth_switches_when_it_does(model: MakeModel) -> None:
         horizon = known.initial_time.lower, known.final_time.lower
         found = switching_times(truth.control, truth, horizon)
         assert found == pytest.approx(truth.switching_times, abs=1e-3 * horizon[1])
+
+
+def test_switching_times_against_a_solve(solve: Solve, model: MakeModel) -> None:
+    """Its jumps are spread over some cells: what they jump by is found all the same."""
+    known = model("siri").known
+    finer = from_solution(solve("siri", steps=200), "a solve", known)
+    for quantity in (finer, from_reference(model("siri"))):
+        assert quantity is not None
+        found = switching_times(solve("siri", steps=50).control, quantity, (0.0, 20.0))
+        assert found == pytest.approx(finer.switching_times, abs=20 / 50)

@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 BLUR = 6
 """Cells to either side over which a quasi-interpolant may spread a jump."""
+MOST_BLUR = 0.02
+"""Of the horizon, where cells are long: those of a collocation hold many points."""
 
 
 def from_reference(model: Model) -> Truth | None:
@@ -49,6 +51,7 @@ def _sampled(
 
 def from_solution(solution: Solution, title: str, known: Known | None = None) -> Truth:
     """Return a solve as the truth, with the switching times that the file knows."""
+    start, end = float(solution.times[0]), float(solution.times[-1])
     return Truth(
         title,
         solution.cost,
@@ -57,8 +60,8 @@ def from_solution(solution: Solution, title: str, known: Known | None = None) ->
         solution.control,
         solution.state,
         tuple(float(t) for t in solution.times),
-        (float(solution.times[0]), float(solution.times[-1])),
-        blur=BLUR * float(np.diff(solution.times).max()),
+        (start, end),
+        blur=min(BLUR * float(np.diff(solution.times).max()), MOST_BLUR * (end - start)),
     )
 
 
