@@ -14,6 +14,9 @@ from typing import TYPE_CHECKING, Any
 from quito_cli.solve import Options, solve
 
 if TYPE_CHECKING:
+    from quito_cli.comparison.compare import compare
+    from quito_cli.comparison.comparison import Comparison
+    from quito_cli.comparison.results import compare_results
     from quito_cli.errors import QuitoError, ResultFileError, UnavailableError, UsageError
     from quito_cli.problem.load import load
     from quito_cli.problem.schema import Problem
@@ -23,6 +26,9 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
+    "Comparison": "quito_cli.comparison.comparison",
+    "compare": "quito_cli.comparison.compare",
+    "compare_results": "quito_cli.comparison.results",
     "Problem": "quito_cli.problem.schema",
     "ProblemError": "quito_cli.problem.text.complaints",
     "QuitoError": "quito_cli.errors",
@@ -34,6 +40,7 @@ _HOMES = {
 }
 
 __all__ = [
+    "Comparison",
     "Options",
     "Problem",
     "ProblemError",
@@ -42,6 +49,8 @@ __all__ = [
     "Solution",
     "UnavailableError",
     "UsageError",
+    "compare",
+    "compare_results",
     "load",
     "solve",
 ]

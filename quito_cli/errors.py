@@ -29,3 +29,9 @@ class ResultFileError(UsageError):
 
 class UnavailableError(UsageError):
     """Something asked for by its right name that this installation does not have."""
+
+
+class GateError(QuitoError):
+    """An answer outside a limit that was set for it."""
+
+    exit_code = 3

@@ -37,7 +37,17 @@ ROOT = Path(__file__).parent.parent
 ACCEPTED = ROOT / "tests" / "problems" / "accepted"
 BUNDLED = sorted(path.stem for path in (ROOT / "problems").glob("*.yaml"))
 COMMANDS = (
-    *("solve", "check", "list", "show", "new", "plot", "generating-functions", "solvers"),
+    *(
+        "solve",
+        "compare",
+        "check",
+        "list",
+        "show",
+        "new",
+        "plot",
+        "generating-functions",
+        "solvers",
+    ),
     "schema",
 )
 MAGIC = {"png": b"\x89PNG\r\n\x1a\n", "pdf": b"%PDF-", "svg": b"<?xml"}
@@ -902,6 +912,29 @@ def on_a_terminal(
         code = running.wait(30)
     os.close(mine)
     return Seen(code, seen.decode(), out.decode())
+
+
+def test_compare_shows_which_method_is_solved(tmp_path: Path) -> None:
+    few = ("-N", "12", "--no-plot", "--against", "piecewise-constant")
+    seen = on_a_terminal("compare", "van_der_pol", *few, folder=tmp_path)
+    assert seen.code == 0
+    for method in ("quasi-interpolant:gaussian", "piecewise-constant"):
+        assert f"{method}   iteration    0" in seen.terminal
+        assert f"  {method} " in seen.out
+    assert "iteration " not in seen.out
+
+
+def test_compare_prints_what_there_is_when_interrupted(tmp_path: Path) -> None:
+    many = ("-N", "3000", "--no-plot", "--against", "piecewise-constant,sech")
+    seen = on_a_terminal(
+        *("compare", "van_der_pol", *many),
+        folder=tmp_path,
+        interrupt_at="piecewise-constant   iteration    1",
+    )
+    assert seen.code == 130
+    assert "piecewise-constant (not solved)" in seen.out
+    assert "sech" not in seen.out
+    assert "Interrupted: what was to follow was not solved." in seen.out
 
 
 def test_progress_on_a_terminal_is_one_line_that_goes_away(tmp_path: Path) -> None:

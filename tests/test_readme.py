@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -13,15 +13,27 @@ from documents import code_spans, run
 
 import quito_cli as quito
 from quito_cli.cli.solve import INTERRUPTED
-from quito_cli.errors import QuitoError
+from quito_cli.comparison.table import COLUMNS
+from quito_cli.errors import GateError, QuitoError
 from quito_cli.problem.language.functions import FUNCTIONS
+from quito_cli.problem.options import DiscretizationName
 from quito_cli.problem.schema import Problem
 from quito_cli.solve import Options
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 COMMANDS = (
-    *("solve", "check", "list", "show", "new", "plot", "generating-functions", "solvers"),
+    *(
+        "solve",
+        "compare",
+        "check",
+        "list",
+        "show",
+        "new",
+        "plot",
+        "generating-functions",
+        "solvers",
+    ),
     "schema",
 )
 
@@ -189,9 +201,10 @@ def test_what_it_says_of_settings_runs(
 def test_exit_codes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     said = re.search(r"\*\*Exit codes\*\*: (.*?)\n\n", README, re.DOTALL)
     assert said
-    assert re.findall(r"(?:^|[;\s])(\d+) ", said[1]) == ["0", "1", "2", "130"]
+    assert re.findall(r"(?:^|[;\s])(\d+) ", said[1]) == ["0", "1", "2", "3", "130"]
     assert INTERRUPTED == 130
     assert quito.UsageError.exit_code == quito.ProblemError.exit_code == 2
+    assert GateError.exit_code == 3
     assert issubclass(quito.ProblemError, quito.UsageError)
     assert issubclass(quito.UsageError, QuitoError)
     monkeypatch.chdir(tmp_path)
@@ -199,6 +212,39 @@ def test_exit_codes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert run(["solve", "bang_bang", *few], monkeypatch) == 0
     assert run(["solve", "bang_bang", *few, "--max-iterations", "1"], monkeypatch) == 1
     assert run(["solve", "no_such_problem", *few], monkeypatch) == 2
+
+
+def test_the_comparisons_of_the_paper_run(
+    helps: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On few cells; with the collocation where there is one."""
+    lines = marked("command: comparisons").splitlines()
+    assert len(lines) == 3
+    monkeypatch.chdir(tmp_path)
+    for line in lines:
+        _, command, problem, *options = line.split()
+        assert command == "compare"
+        assert (ROOT / problem).is_file()
+        if "lgr" not in get_args(DiscretizationName):
+            options = [
+                option for option in options if "lgr" not in option and "against" not in option
+            ]
+        few = re.sub(r"\d+x", "3x", " ".join(options)).replace("x400", "x9").split()
+        arguments = [str(ROOT / problem), *few, "-N", "12", "--no-plot", "-q"]
+        assert run(["compare", *arguments], monkeypatch) == 0
+    text = section("Held against the truth, and against others")
+    for flag in {span.split()[0] for span in re.findall(r"`(--[^`]+)`", text)}:
+        assert re.search(rf"(?<![\w-]){re.escape(flag)}(?![\w-])", helps["compare"]), flag
+
+
+def test_the_columns_of_a_comparison() -> None:
+    text = section("Held against the truth, and against others")
+    rows = re.findall(r"^\| (`.+?) \|", text.split("| column |")[1].split("| option |")[0], re.M)
+    known = {column.heading for given in COLUMNS.values() for column in given}
+    said = {name for row in rows for name in re.findall(r"`([\w -]+)`", row)}
+    assert said <= known
+    every = {"unknowns", "iterations", "build s", "solve s", "in all s"}
+    assert known - said == every | {"error", "its error", "states"}
 
 
 # Tables and Python

@@ -14,6 +14,7 @@ import typer
 
 from quito_cli import __version__
 from quito_cli.cli.check import check
+from quito_cli.cli.compare import compare
 from quito_cli.cli.generating_functions import generating_functions
 from quito_cli.cli.list import list_problems
 from quito_cli.cli.new import new
@@ -30,7 +31,8 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
-    epilog="Exit codes: 0 solved, 1 not converged, 2 wrong command line or file, 130 interrupted.",
+    epilog="Exit codes: 0 solved, 1 not converged, 2 wrong command line or file, 3 outside a limit "
+    "that was set, 130 interrupted.",
 )
 
 
@@ -54,6 +56,7 @@ def _quito(
 
 
 app.command("solve")(solve)
+app.command("compare")(compare)
 app.command("check")(check)
 app.command("list")(list_problems)
 app.command("show")(show)

@@ -17,6 +17,8 @@ class ProgressLine:
         self._every_line = every_line and not quiet
         self._live = sys.stderr.isatty() and not quiet and not self._every_line
         self._shown = False
+        self.heading = ""
+        """What is solved, where it is one of several."""
 
     @property
     def listener(self) -> Listener | None:
@@ -25,7 +27,7 @@ class ProgressLine:
 
     def _show(self, progress: Progress) -> None:
         text = (
-            f"iteration {progress.iteration:4d}   cost {progress.cost: .9e}   "
+            f"{self.heading}iteration {progress.iteration:4d}   cost {progress.cost: .9e}   "
             f"violation {progress.violation:.2e}"
         )
         if self._every_line:

@@ -66,16 +66,17 @@ def as_dictionary(solution: Solution, result: Path | None, plot: Path | None) ->
         "hdf5": None if result is None else str(result),
         "plot": None if plot is None else str(plot),
     }
-    return {key: _finite(value) for key, value in answer.items()}
+    return {key: finite(value) for key, value in answer.items()}
 
 
-def _finite(value: Any) -> Any:
+def finite(value: Any) -> Any:
+    """Return a value for JSON, which knows no infinity: null in its place, and in that of NaN."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, dict):
-        return {key: _finite(entry) for key, entry in value.items()}
+        return {key: finite(entry) for key, entry in value.items()}
     if isinstance(value, list):
-        return [_finite(entry) for entry in value]
+        return [finite(entry) for entry in value]
     return value
 
 

@@ -7,9 +7,8 @@ panels asked for, one small plot a curve.
 from __future__ import annotations
 
 import logging
-import math
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.errors import UsageError
+from quito_cli.plots.layout import balanced, places, shared, with_unit
 from quito_cli.plots.palette import BOUND, COLOURS, KNOWN, OURS, plain
 from quito_cli.plots.plan import draw_plan
 from quito_cli.solution.solution import Drawing, Quantity, Solution
@@ -35,8 +35,6 @@ _CURVE_HEIGHT, _PLAN_HEIGHT = 2.2, 4.8
 """Of a row, in inches."""
 _NEAR, _FAR = 0.6, 2.0
 """Bounds further than this many spans of a state, or sizes of a control, are not drawn."""
-_MANY = 12
-"""More entries than this, and those of one vector share a plot."""
 
 
 @dataclass(frozen=True)
@@ -75,19 +73,14 @@ def _curves(
     far_bounds: bool,
 ) -> list[Panel]:
     """Return a plot for each entry, or where there are many, for each vector."""
-    groups: dict[str, list[int]] = {}
-    for i, quantity in enumerate(quantities):
-        vector = quantity.name.partition("[")[0]
-        groups.setdefault(vector if len(quantities) > _MANY else quantity.name, []).append(i)
     curves: list[Panel] = []
-    for name, members in groups.items():
+    for name, members in shared(quantities).items():
         lines = []
         for i in members:
             reference = None if known is None or np.isnan(known[:, i]).all() else known[:, i]
             q = quantities[i]
             lines.append(Line(q.name, values[:, i], reference, q.lower, q.upper))
-        unit = quantities[members[0]].unit
-        label = name + (f" [{plain(unit)}]" if unit else "")
+        label = with_unit(name, quantities[members[0]].unit)
         curves.append(Curve(label, solution.dense_times, tuple(lines), far_bounds))
     return curves
 
@@ -137,38 +130,26 @@ def figure(solution: Solution, panels: Iterable[str]) -> Figure:
     from matplotlib.figure import Figure
 
     groups = [PANELS[name](solution) for name in panels]
-    rows = [row for group in groups for row in _rows(group)]
+    rows = [row for group in groups for row in balanced(group, _COLUMNS)]
     if not rows:
         raise UsageError(f"the problem has no {' or '.join(panels)} to draw")
     columns = max(len(row) for row in rows)
     heights = [_PLAN_HEIGHT if isinstance(row[0], Drawing) else _CURVE_HEIGHT for row in rows]
     size = 1.2 + 3.6 * max(columns, 2), 1.1 + sum(heights)
     drawn = Figure(figsize=size, layout="constrained")
-    units = math.lcm(*(len(row) for row in rows))
-    grid = drawn.add_gridspec(len(rows), units, height_ratios=heights)
     last = max((i for i, row in enumerate(rows) if isinstance(row[0], Curve)), default=-1)
-    for i, row in enumerate(rows):
-        width = units // len(row)
-        for j, panel in enumerate(row):
-            place = grid[i, j * width : (j + 1) * width]
-            if isinstance(panel, Drawing):
-                flat = len(panel.labels) == 2
-                draw_plan(drawn.add_subplot(place, projection=None if flat else "3d"), panel)
-                continue
-            axes = drawn.add_subplot(place)
-            _draw(axes, panel)
-            if i == last:
-                axes.set_xlabel("t")
+    for i, panel, place in places(drawn, rows, heights):
+        if isinstance(panel, Drawing):
+            flat = len(panel.labels) == 2
+            draw_plan(drawn.add_subplot(place, projection=None if flat else "3d"), panel)
+            continue
+        axes = drawn.add_subplot(place)
+        _draw(axes, panel)
+        if i == last:
+            axes.set_xlabel("t")
     drawn.suptitle(_heading(solution))
     _legend(drawn)
     return drawn
-
-
-def _rows(group: Sequence[Panel]) -> list[Sequence[Panel]]:
-    """Return rows of nearly equal length: four plots stand two by two, not three and one."""
-    count = math.ceil(len(group) / _COLUMNS)
-    ends = [math.ceil(len(group) * (i + 1) / max(count, 1)) for i in range(count)]
-    return [group[start:end] for start, end in zip([0, *ends], ends, strict=False)]
 
 
 def _heading(solution: Solution) -> str:

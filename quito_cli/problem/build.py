@@ -9,11 +9,22 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from quito_cli.problem.comparisons import read_comparison
 from quito_cli.problem.declarations import bounds, end_values, hints, times
 from quito_cli.problem.keys import derived_state
-from quito_cli.problem.known import read_reference
-from quito_cli.problem.model import Constraint, Constraints, Instant, Known, Lookup, Model, Variable
+from quito_cli.problem.known import check_reference, read_reference
+from quito_cli.problem.model import (
+    Bounds,
+    Constraint,
+    Constraints,
+    Instant,
+    Known,
+    Lookup,
+    Model,
+    Variable,
+)
 from quito_cli.problem.schema import Problem
 from quito_cli.problem.scopes import Scopes
 from quito_cli.problem.text.complaints import Complaint, ProblemError, suggest
@@ -79,7 +90,7 @@ def try_build(problem: Problem, poisoned: Iterable[str] = ()) -> tuple[Model, li
         _constraints(scopes, start, end),
         hints(scopes, parameter_bounds),
         sense,
-        _known(scopes, start, end),
+        _known(scopes, start, end, state_bounds, control_bounds),
         read_views(scopes),
         _lookups(scopes),
     )
@@ -214,7 +225,9 @@ def _lookups(scopes: Scopes) -> tuple[Lookup, ...]:
     return tuple(found.values())
 
 
-def _known(scopes: Scopes, start: Instant, end: Instant) -> Known | None:
+def _known(
+    scopes: Scopes, start: Instant, end: Instant, state_bounds: Bounds, control_bounds: Bounds
+) -> Known | None:
     reference, changes = scopes.problem.reference, _of_the_answer(scopes.problem.changes)
     # A general reference is one for other constants: what else was changed, it cannot know.
     constants_only = all(name.split(".")[0] in ("constants", *scopes.constants) for name in changes)
@@ -229,6 +242,10 @@ def _known(scopes: Scopes, start: Instant, end: Instant) -> Known | None:
         if start.fixed and end.fixed and not start.lower <= time <= end.lower:
             message = f"{time:g} is outside the horizon [{start.lower:g}, {end.lower:g}]"
             reader.complain(("reference", "switching_times", i), message)
+    horizon = start.upper, end.lower  # at least: a free time may make it longer
+    if not reader.complaints and -np.inf < horizon[0] < horizon[1] < np.inf:
+        states, controls = (scopes.states, state_bounds), (scopes.controls, control_bounds)
+        check_reference(reader, known, horizon, states, controls, whole=start.fixed and end.fixed)
     return None if changes and reader.complaints else known
 
 

@@ -16,6 +16,8 @@ from quito_cli.problem.values import Path, Reader
 if TYPE_CHECKING:
     import casadi as ca
 
+    from quito_cli.problem.model import Bounds
+
 Array = NDArray[np.float64]
 
 
@@ -131,3 +133,74 @@ def _function(context: _Context, path: Path, value: float | str, size: int) -> c
         context.reader.complain(path, message)
         return None
     return ca.Function("reference", [context.t], [ca.vec(expression)])
+
+
+POINTS = 201
+"""Looked at in every piece of a reference."""
+ROUNDING = 1e-6
+"""Relative to a bound, what a reference may be beyond it."""
+
+
+def check_reference(
+    reader: Reader,
+    known: Known,
+    horizon: tuple[float, float],
+    states: tuple[tuple[Variable, ...], Bounds],
+    controls: tuple[tuple[Variable, ...], Bounds],
+    *,
+    whole: bool,
+) -> None:
+    """Complain of a reference that does not cover the horizon, or leaves the bounds.
+
+    Args:
+        reader: told of it.
+        known: the reference.
+        horizon: from the latest initial to the earliest final time.
+        states: with their bounds.
+        controls: with theirs.
+        whole: whether that is all of the horizon.
+    """
+    for kind, functions, (variables, bounds) in (
+        ("state", known.states, states),
+        ("control", known.controls, controls),
+    ):
+        for variable in variables:
+            path: Path = ("reference", kind, variable.name)
+            pieces = functions.get(variable.name, ())
+            limits = bounds.lower[variable.entries], bounds.upper[variable.entries]
+            begin = horizon[0]
+            for i, piece in enumerate(pieces):
+                here = (*path, i) if len(pieces) > 1 else path
+                if whole and np.isfinite(piece.until) and not begin < piece.until < horizon[1]:
+                    message = f"{piece.until:g} is not inside the horizon"
+                    reader.complain((*here, "until"), f"{message} [{horizon[0]:g}, {horizon[1]:g}]")
+                    break
+                end = min(piece.until, horizon[1])
+                wrong = _wrong(piece, variable, (begin, end), limits) if begin < end else None
+                if wrong:
+                    reader.complain((*here, "value") if len(pieces) > 1 else here, wrong)
+                    break
+                begin = max(begin, end)
+
+
+def _wrong(
+    piece: Piece, variable: Variable, span: tuple[float, float], limits: tuple[Array, Array]
+) -> str | None:
+    """Return what is wrong with a piece between its ends; at these it need not be finite."""
+    times = span[0] + (span[1] - span[0]) * (np.arange(POINTS) + 0.5) / POINTS
+    values = np.array(piece.value.map(POINTS)(times)).T
+    lower, upper = (np.broadcast_to(limit, values.shape) for limit in limits)
+    slack = [ROUNDING * np.maximum(1.0, np.abs(limit)) for limit in (lower, upper)]
+    if not np.isfinite(values).all():
+        missing = times[np.argmin(np.isfinite(values).all(axis=1))]
+        return f"this has no value at t = {missing:.6g}: a reference covers the whole horizon"
+    for bad, limit, what in (
+        (values < lower - slack[0], lower, "below its lower"),
+        (values > upper + slack[1], upper, "above its upper"),
+    ):
+        if bad.any():
+            point, entry = np.argwhere(bad)[0]
+            found = f"{variable.labels[entry]} = {values[point, entry]:.6g}"
+            bound = f"{what} bound {limit[point, entry]:g}"
+            return f"the reference has {found} at t = {times[point]:.6g}, {bound}"
+    return None

@@ -1,0 +1,48 @@
+"""A Comparison for people: the tables on a terminal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from quito_cli.cli.text import columns, labelled, plain
+from quito_cli.comparison.table import Table, tables
+from quito_cli.comparison.writing import heading, sentences
+
+if TYPE_CHECKING:
+    from quito_cli.comparison.comparison import Comparison
+
+
+def print_comparison(found: Comparison, drawn: tuple[Path, ...], *, verbose: bool) -> None:
+    """Print the tables, what they are held against, and what went wrong."""
+    title = typer.style(plain(heading(found)), bold=True)
+    paragraphs = ["\n".join([title, *(plain(said) for said in sentences(found))])]
+    for table in tables(found):
+        text = f"{table.title}\n{_aligned(table)}"
+        if verbose:
+            text += f"\n{labelled([(c.heading, c.help) for c in table.columns], indent='    ')}"
+        paragraphs.append(text)
+    failed = [row for row in found.rows if not row.solution.success]
+    if failed:
+        mark = typer.style("Not solved:", bold=True, fg="red")
+        paragraphs.append(
+            "\n".join(f"{mark} {plain(r.method)}: {r.solution.status.value}" for r in failed)
+        )
+    if drawn:
+        paragraphs.append(f"Saved {', '.join(map(str, drawn))}")
+    typer.echo("\n\n".join(paragraphs))
+
+
+def _aligned(table: Table) -> str:
+    """Return the rows with the figures right-aligned below their headings."""
+    rows = [("method", *(c.heading for c in table.columns)), *table.rows, *table.published]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return columns(
+        [
+            (row[0], *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)))
+            for row in rows
+        ],
+        header=True,
+    )

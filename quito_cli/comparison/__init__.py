@@ -1,0 +1,1 @@
+"""A solution against a reference or another: error norms, spectra, tables."""

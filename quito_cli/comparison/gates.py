@@ -1,0 +1,77 @@
+"""Gates: limits that a comparison must keep, for use where nobody looks at the table.
+
+They are limits of the first row, which is ours: what another method does badly is no fault of ours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from quito_cli.comparison.comparison import Comparison, Row
+from quito_cli.comparison.table import COLUMNS
+from quito_cli.errors import GateError, UsageError
+
+
+@dataclass(frozen=True)
+class Gate:
+    """A limit that may be asked for."""
+
+    name: str
+    """As an option: max-…"""
+    column: str
+    """What it limits, by its size."""
+
+
+GATES: Final = (
+    Gate("error-l2", "error_l2"),
+    Gate("error-l1", "error_l1"),
+    Gate("error-sup", "error_sup"),
+    Gate("error-sup-outside", "error_sup_outside"),
+    Gate("error-norm", "error_norm"),
+    Gate("cost-error", "cost_error"),
+    Gate("state-error", "state_error"),
+    Gate("switching-error", "switching_error"),
+    Gate("total-variation", "total_variation"),
+    Gate("ringing", "ringing"),
+    Gate("violation", "violation"),
+)
+_FIGURES: Final[Mapping[str, Callable[[Row], float | int | None]]] = {
+    column.key: column.value for given in COLUMNS.values() for column in given
+}
+
+
+def check_limits(limits: Mapping[str, float | None]) -> None:
+    """Refuse limits that nothing can keep.
+
+    Raises:
+        UsageError: one is negative or not a number.
+    """
+    for name, limit in limits.items():
+        if limit is not None and not limit >= 0:
+            raise UsageError(f"max-{name}: a limit of zero or more is expected, got {limit:g}")
+
+
+def check_gates(comparison: Comparison, limits: Mapping[str, float | None]) -> None:
+    """Hold the first row against limits, by the names of gates; None is no limit.
+
+    Raises:
+        UsageError: there is no figure to hold against a limit.
+        GateError: a limit is not kept; every one that is not is told.
+    """
+    row, failed = comparison.rows[0], []
+    for gate in GATES:
+        limit = limits.get(gate.name)
+        if limit is None:
+            continue
+        value = _FIGURES[gate.column](row)
+        if value is None:
+            raise UsageError(
+                f"max-{gate.name}: nothing is known to measure it by; leave it out, or give the "
+                "problem a reference"
+            )
+        if not abs(value) <= limit:
+            failed.append(f"{row.method}: {gate.column} is {abs(value):.6g}, above {limit:g}")
+    if failed:
+        raise GateError("\n".join(failed))

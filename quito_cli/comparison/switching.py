@@ -1,0 +1,67 @@
+"""Switching times of an answer, near those of the truth.
+
+Where a control of the truth jumps at a switching time, the answer switches where its own control
+crosses the middle of that jump. Looked for is the crossing nearest to the truth's time, half-way to
+its neighbours and no further than a seventh of the horizon.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quito_cli.comparison.comparison import OfTime, Truth
+
+Array = NDArray[np.float64]
+
+FARTHEST = 1 / 7
+"""Of the horizon, from the truth's switching time."""
+POINTS = 4001
+"""Looked at around it."""
+JUMP = 1e-3
+"""Smallest jump, over the span of the control."""
+_BESIDE = 1e-9
+"""Of the horizon: where the limits of the truth are taken."""
+
+
+def switching_times(
+    answer: OfTime, truth: Truth, horizon: tuple[float, float]
+) -> tuple[float, ...]:
+    """Return when `answer` switches, one for each of the truth's times; NaN where either does not.
+
+    Of several controls that jump at once, the one whose jump is largest for it is followed.
+    """
+    times = truth.switching_times
+    if not times:
+        return ()
+    at, length = np.array(times), horizon[1] - horizon[0]
+    beside = max(_BESIDE * length, truth.blur)
+    before, after = truth.control(at - beside), truth.control(at + beside)
+    span = np.ptp(truth.control(np.linspace(*horizon, POINTS)), axis=0)
+    jumps = np.abs(after - before) / np.where(span > 0, span, np.inf)
+    jumps = np.where(np.isfinite(jumps), jumps, 0.0)
+    limits = np.concatenate([[horizon[0]], (at[1:] + at[:-1]) / 2, [horizon[1]]])
+    found = []
+    for i, time in enumerate(times):
+        if jumps.shape[1] == 0 or jumps[i].max() < JUMP or not horizon[0] < time < horizon[1]:
+            found.append(np.nan)
+            continue
+        control = int(jumps[i].argmax())
+        reach = FARTHEST * length
+        window = max(limits[i], time - reach), min(limits[i + 1], time + reach)
+        middle = (before[i, control] + after[i, control]) / 2
+        rising = after[i, control] > before[i, control]
+        grid = np.linspace(*window, POINTS)
+        values = (answer(grid)[:, control] - middle) * (1 if rising else -1)
+        found.append(_crossing(grid, values, time))
+    return tuple(found)
+
+
+def _crossing(times: Array, values: Array, near: float) -> float:
+    """Return the time nearest to `near` at which values rise above zero; NaN if they never do."""
+    (at,) = np.nonzero((values[:-1] < 0) & (values[1:] >= 0))
+    if not at.size:
+        return np.nan
+    share = -values[at] / (values[at + 1] - values[at])
+    crossings = times[at] + share * (times[at + 1] - times[at])
+    return float(crossings[np.argmin(np.abs(crossings - near))])

@@ -1,0 +1,289 @@
+"""Comparison -> matplotlib Figures: trajectories, control error, its spectrum; and all on a sheet.
+
+A figure is a row of the table `FIGURES`. Each method has a colour, a line style and a marker, so
+that it is known without colour too, and where lines coincide; ours is the solid line on top. The
+reference is a broad pale line beneath: seen wherever a method leaves it, and hiding none.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import zip_longest
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from quito_cli.plots.error_panels import logarithmic, magnified, on_the_whole, spectrum
+from quito_cli.plots.figure import write
+from quito_cli.plots.layout import balanced, places
+from quito_cli.plots.palette import BOUND, COLOURS, plain
+from quito_cli.plots.panels import Panel, Trace, controls, shortened, states
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from quito_cli.comparison.comparison import Comparison
+
+Rows = list[Sequence[Panel]]
+
+_SHEET_COLUMNS, _COLUMNS = 4, 3
+_MARKS = 6
+"""Markers on a line."""
+_LONGEST = 60
+"""Letters of a method's name in a legend."""
+_DASHES: tuple[Any, ...] = (
+    "-",
+    (0, (6, 2)),
+    (0, (2, 1)),
+    (0, (6, 1.5, 1.5, 1.5)),
+    (0, (1, 1)),
+    (0, (10, 2)),
+    (0, (6, 1.5, 1.5, 1.5, 1.5, 1.5)),
+    (0, (3, 2)),
+)
+_METHODS = (*COLOURS, "#882255")
+_MARKERS = ("", "o", "s", "^", "D", "v", "P", "X")
+_REFERENCE: dict[str, Any] = {"color": "#BBBBBB", "linewidth": 4.5, "solid_capstyle": "butt"}
+_ZONE: dict[str, Any] = {"facecolor": "#EEEEEE", "linewidth": 0}
+_BOUND: dict[str, Any] = {"color": BOUND, "linewidth": 0.9, "linestyle": ":"}
+
+
+def style(number: int) -> dict[str, Any]:
+    """Return how the line of a method is drawn: colour, dashes, marker.
+
+    Args:
+        number: of its row; eight differ in everything, more differ in dashes and markers.
+    """
+    turn, place = divmod(number, len(_METHODS))
+    return {
+        "color": _METHODS[place],
+        "linestyle": _DASHES[(place + turn) % len(_DASHES)],
+        "marker": _MARKERS[(place + 2 * turn) % len(_MARKERS)],
+        "markersize": 4.5,
+        "markeredgewidth": 0.6,
+        "markeredgecolor": "white",
+    }
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A figure that a comparison has."""
+
+    heading: str
+    suffix: str
+    """Of its file's name."""
+    rows: Callable[[Comparison], Rows]
+    """Its plots by row; none where there is nothing to show."""
+    width: float
+    """In inches."""
+    height: float
+    """Of a row, in inches."""
+
+
+def _trajectories(comparison: Comparison) -> Rows:
+    return [
+        *balanced(controls(comparison), _COLUMNS),
+        *balanced(states(comparison), _COLUMNS),
+    ]
+
+
+def _one_below_the_other(
+    *views: Callable[[Comparison], list[Panel]],
+) -> Callable[[Comparison], Rows]:
+    """Return rows of one plot, the views of a control together; of several side by side."""
+
+    def rows(comparison: Comparison) -> Rows:
+        by_control = _by_control(comparison, views)
+        if len(by_control) == 1:
+            return [[panel] for panel in by_control[0]]
+        return by_control
+
+    return rows
+
+
+def _by_control(
+    comparison: Comparison, views: Sequence[Callable[[Comparison], list[Panel]]]
+) -> Rows:
+    columns = zip_longest(*(view(comparison) for view in views))
+    return [[panel for panel in row if panel is not None] for row in columns]
+
+
+def _sheet(comparison: Comparison) -> Rows:
+    errors = _by_control(comparison, (on_the_whole, magnified, logarithmic, spectrum))
+    if not errors:
+        return []
+    curves = controls(comparison), states(comparison)
+    if sum(map(len, curves)) <= _SHEET_COLUMNS:
+        return [[*curves[0], *curves[1]], *errors]
+    return [row for group in curves for row in balanced(group, _SHEET_COLUMNS)] + errors
+
+
+FIGURES: dict[str, Kind] = {
+    "trajectories": Kind("Controls and states", "-trajectories", _trajectories, 11, 2.4),
+    "error": Kind(
+        "Error of the control",
+        "-error",
+        _one_below_the_other(on_the_whole, magnified),
+        11,
+        2.6,
+    ),
+    "spectrum": Kind(
+        "Spectrum of the control's error", "-spectrum", _one_below_the_other(spectrum), 11, 3.2
+    ),
+    "error-log": Kind(
+        "Error of the control, logarithmic",
+        "-error-log",
+        _one_below_the_other(logarithmic),
+        11,
+        3.2,
+    ),
+    "sheet": Kind("Comparison of the methods", "", _sheet, 17, 2.6),
+}
+
+
+def figure(comparison: Comparison, name: str) -> Figure | None:
+    """Return the figure `name` of `FIGURES`; None where it has nothing to show."""
+    from matplotlib.figure import Figure
+
+    kind = FIGURES[name]
+    rows = kind.rows(comparison)
+    if not rows:
+        return None
+    panels = [panel for row in rows for panel in row]
+    entries = _entries(comparison, panels)
+    columns = _legend_columns(list(entries), kind.width)
+    legend = 0.22 * math.ceil(len(entries) / columns)
+    size = kind.width, 0.8 + legend + kind.height * len(rows)
+    drawn = Figure(figsize=size, layout="constrained")
+    limits = _limits(panels)
+    for i, panel, place in places(drawn, rows, [1.0] * len(rows)):
+        axes = drawn.add_subplot(place)
+        _draw(axes, panel, len(comparison.rows))
+        axes.set_xlim(*limits[panel.axis])
+        if i + 1 < len(rows) and len(rows[i + 1]) == len(rows[i]):
+            axes.tick_params(labelbottom=False)  # they stand under the plot below
+        elif i + 1 == len(rows) or panel.axis != "t":
+            axes.set_xlabel(panel.axis)
+    drawn.suptitle(_heading(comparison, kind))
+    drawn.legend(
+        handles=list(entries.values()),
+        labels=list(entries),
+        loc="outside lower center",
+        ncols=columns,
+        frameon=False,
+        handlelength=3.2,
+    )
+    return drawn
+
+
+def _heading(comparison: Comparison, kind: Kind) -> str:
+    title = plain(comparison.title or comparison.problem)
+    return f"{title}\n{kind.heading}"
+
+
+def _limits(panels: Sequence[Panel]) -> dict[str, tuple[float, float]]:
+    """Return from where to where each kind of horizontal axis reaches: the same in all plots."""
+    ends: dict[str, list[float]] = {}
+    for panel in panels:
+        for trace in panel.traces:
+            ends.setdefault(panel.axis, []).extend(trace.x[[0, -1]])
+    limits = {}
+    for axis, points in ends.items():
+        margin = 0.01 * (max(points) - min(points)) or 1.0
+        limits[axis] = min(points) - margin, max(points) + margin
+    return limits
+
+
+def _draw(axes: Axes, panel: Panel, count: int) -> None:
+    for start, end in panel.zones:
+        axes.axvspan(start, end, zorder=0.2, **_ZONE)
+    for bound in panel.bounds:
+        axes.axhline(bound, zorder=1.5, **_BOUND)
+    for place, trace in enumerate(panel.traces):
+        _line(axes, trace, 2.0 + place / len(panel.traces), count)
+    if panel.logarithmic:
+        axes.set_yscale("log")
+        axes.minorticks_off()
+    axes.set_ylim(panel.low, panel.high)
+    axes.set_ylabel(panel.label)
+    axes.grid(alpha=0.25)
+    if panel.note:
+        axes.set_title(plain(panel.note), fontsize="x-small", loc="right", color=BOUND, pad=3)
+
+
+def _line(axes: Axes, trace: Trace, order: float, count: int) -> None:
+    """Draw a line; rough ones beneath the reference, ours on top."""
+    if trace.method < 0:
+        axes.plot(trace.x, trace.y, zorder=1.9, **_REFERENCE)
+        return
+    if trace.method == 0:
+        width, alpha = (0.9 if trace.rough else 1.3), 1.0
+    elif trace.rough:
+        width, alpha, order = 0.6, 0.6, order - 0.9 * (order - 1.0)
+    else:
+        width, alpha = 1.1, 1.0
+    ends = trace.x[[0, -1]]
+    spread = (np.arange(_MARKS) + (trace.method + 0.5) / (count + 1)) / _MARKS
+    marks = np.searchsorted(trace.x, ends[0] + spread * (ends[1] - ends[0]))
+    every = np.unique(np.minimum(marks, len(trace.x) - 1)).tolist()
+    look = {**style(trace.method), "linewidth": width, "alpha": alpha, "zorder": order}
+    axes.plot(trace.x, trace.y, markevery=every, **look)
+
+
+def _entries(comparison: Comparison, panels: Sequence[Panel]) -> dict[str, Artist]:
+    """Return what a legend has, by its name: what is drawn, each once."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    drawn = {trace.method for panel in panels for trace in panel.traces}
+    entries: dict[str, Artist] = {}
+    for number, row in enumerate(comparison.rows):
+        if number in drawn:
+            failed = "" if row.solution.success else " (NOT SOLVED)"
+            name = plain(shortened(row.method, _LONGEST)) + failed
+            while name in entries:
+                name += "′"
+            entries[name] = Line2D([], [], linewidth=1.3, **style(number))
+    if -1 in drawn and comparison.truth is not None:
+        title = plain(shortened(comparison.truth.title, _LONGEST))
+        known = title if title.startswith("reference") else f"reference: {title}"
+        entries[known] = Line2D([], [], **_REFERENCE)
+    if any(panel.bounds for panel in panels):
+        entries["bound"] = Line2D([], [], **_BOUND)
+    if any(panel.zones for panel in panels):
+        entries["jump zones"] = Patch(**_ZONE)
+    return entries
+
+
+def _legend_columns(names: Sequence[str], width: float) -> int:
+    """Return how many names stand beside each other, in rows as full as each other."""
+    longest = max(map(len, names))
+    fit = max(1, int(width / (0.085 * longest + 0.75)))
+    lines = math.ceil(len(names) / fit)
+    return math.ceil(len(names) / lines)
+
+
+def draw_all(comparison: Comparison, folder: Path, ending: str) -> tuple[Path, ...]:
+    """Write the figures that have something to show, and return their paths.
+
+    Args:
+        comparison: what to draw.
+        folder: where to; files are `<problem>-compare-error.png` and the like.
+        ending: the format: png, svg or pdf.
+
+    Raises:
+        ResultFileError: a file cannot be written.
+    """
+    paths = []
+    for name, kind in FIGURES.items():
+        drawn = figure(comparison, name)
+        if drawn is not None:
+            path = folder / f"{comparison.problem}-compare{kind.suffix}.{ending}"
+            write(drawn, path)
+            paths.append(path)
+    return tuple(paths)

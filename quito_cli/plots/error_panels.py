@@ -1,0 +1,181 @@
+"""Comparison -> plots of its control error e(t) = û(t) − u*(t), at the sample times of the norms.
+
+On the whole; magnified, as high as the first method's error is between the jumps; its modulus on a
+logarithmic scale; and the modulus of its discrete Fourier transform over the frequency. The QuITO
+paper judges ringing by these (section 4).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quito_cli.plots.layout import shared, with_unit
+from quito_cli.plots.panels import Line, Panel, beyond, finite, first, padded, span, traces
+
+if TYPE_CHECKING:
+    from quito_cli.comparison.comparison import Comparison
+
+Array = NDArray[np.float64]
+
+_LARGE = 1.5
+"""Errors larger than this part of the control's span are cut off."""
+_MAGNIFIED = 3.0
+"""Magnified plots reach to this multiple of the first method's error between the jumps, and stand
+where that is by this factor less than the whole."""
+_CLOSE = 1e-4
+"""Part of the control's span that is magnified at most: errors far below are a flat line."""
+_USUAL = 0.95
+"""Part of the samples outside the jump zones that counts as between the jumps."""
+_ROUNDING = 1e-14
+"""Of the control's size: errors below it are none, and drawn there."""
+_RARE = 0.02
+"""Part of the values that a logarithmic axis may leave below its foot: crossings of zero."""
+
+
+@dataclass(frozen=True)
+class _Error:
+    """The error of the controls that share a plot."""
+
+    name: str
+    unit: str
+    times: list[Line]
+    """By sample time."""
+    frequencies: list[Line]
+    """Modulus of the transform by frequency."""
+    size: float
+    """Span of the control."""
+    usual: float
+    """Of the first method between the jumps."""
+
+
+def _errors(comparison: Comparison) -> list[_Error]:
+    """Return the errors that are known, a plot each."""
+    if comparison.truth is None:
+        return []
+    at = comparison.sample_times
+    outside = np.ones(len(at), dtype=bool)
+    for start, end in comparison.zones:
+        outside &= (at < start) | (at > end)
+    truth = finite(comparison.truth.control(at))
+    found = []
+    for name, entries in shared(comparison.controls).items():
+        known = [
+            (number, row, i)
+            for i in entries
+            for number, row in enumerate(comparison.rows)
+            if row.errors is not None and np.isfinite(row.samples[:, i]).any()
+        ]
+        if not known:
+            continue
+        times = [(n, at, finite(row.samples[:, i])) for n, row, i in known]
+        moduli = [(n, comparison.frequencies, finite(row.spectrum[:, i])) for n, row, i in known]
+        numbers = {n for n, _, _ in times}
+        leader = first(comparison) if first(comparison) in numbers else min(numbers)
+        between = np.abs([y[outside] for n, _, y in times if n == leader]).ravel()
+        between = between[np.isfinite(between)]
+        usual = float(np.quantile(between, _USUAL)) if between.size else 0.0
+        low, high = span([truth[:, entries]])
+        size = high - low or max(abs(low), 1.0)
+        unit = comparison.controls[entries[0]].unit
+        found.append(_Error(name, unit, times, moduli, size, usual))
+    return found
+
+
+def on_the_whole(comparison: Comparison) -> list[Panel]:
+    """Return the error of each control, jumps and all."""
+    panels = []
+    for error in _errors(comparison):
+        low, high = _whole(error)
+        panels.append(
+            Panel(
+                with_unit(f"error of {error.name}", error.unit),
+                "t",
+                traces(error.times, low, high),
+                *padded(low, high),
+                zones=comparison.zones,
+                note=beyond(comparison, error.times, low, high),
+            )
+        )
+    return panels
+
+
+def _whole(error: _Error) -> tuple[float, float]:
+    low, high = span([y for _, _, y in error.times])
+    most = _LARGE * error.size
+    return min(max(low, -most), 0.0), max(min(high, most), 0.0)
+
+
+def magnified(comparison: Comparison) -> list[Panel]:
+    """Return the error of each control between the jumps; none where that is no closer look."""
+    panels = []
+    closer = False
+    for error in _errors(comparison):
+        low, high = _whole(error)
+        whole = max(-low, high)
+        reach = max(_MAGNIFIED * error.usual, _CLOSE * error.size)
+        closer = closer or _MAGNIFIED * reach < whole
+        reach = min(reach, whole) or error.size
+        panels.append(
+            Panel(
+                with_unit(f"error of {error.name}", error.unit),
+                "t",
+                traces(error.times, -reach, reach),
+                -reach,
+                reach,
+                zones=comparison.zones,
+                note=f"magnified {_two_digits(whole / reach)} times" if reach < whole else "",
+            )
+        )
+    return panels if closer else []
+
+
+def _two_digits(number: float) -> str:
+    return f"{float(f'{number:.2g}'):,.10g}"
+
+
+def logarithmic(comparison: Comparison) -> list[Panel]:
+    """Return the modulus of the error of each control on a logarithmic scale."""
+    panels = []
+    for error in _errors(comparison):
+        lines = [(n, x, np.abs(y)) for n, x, y in error.times]
+        label = with_unit(f"|error of {error.name}|", error.unit)
+        panels.append(_logarithmic(label, "t", lines, error.size, comparison.zones))
+    return panels
+
+
+def spectrum(comparison: Comparison) -> list[Panel]:
+    """Return the modulus of the transform of each control's error over the frequency."""
+    panels = []
+    for error in _errors(comparison):
+        size = error.size * len(comparison.sample_times)
+        label = f"|DFT of error of {error.name}|"
+        panels.append(
+            _logarithmic(label, "frequency [cycles per unit of t]", error.frequencies, size, ())
+        )
+    return panels
+
+
+def _logarithmic(
+    label: str, axis: str, lines: list[Line], size: float, zones: tuple[tuple[float, float], ...]
+) -> Panel:
+    """Return a plot whose foot is where rare crossings of zero are cut off."""
+    none = _ROUNDING * size
+    feet = []
+    top = 0.0
+    for _, _, y in lines:
+        some = y[y > none]
+        if some.size:
+            feet.append(float(np.quantile(some, _RARE)))
+            top = max(top, float(some.max()))
+    top = top or 10 * none
+    foot = min(feet, default=none) / 3
+    zero = any((y <= none).any() for _, _, y in lines)
+    raised = [(n, x, np.maximum(y, foot)) for n, x, y in lines]
+    drawn = traces([(n, x, np.log10(y)) for n, x, y in raised], np.log10(foot), np.log10(top))
+    restored = tuple(type(t)(t.method, t.x, 10**t.y, t.rough) for t in drawn)
+    note = "zero is drawn at the foot" if zero else ""
+    return Panel(label, axis, restored, 0.8 * foot, 1.6 * top, (), zones, True, note)
