@@ -168,6 +168,16 @@ def test_the_error_is_shown_on_the_whole_and_magnified(two: Comparison) -> None:
         assert (corners.x0, corners.x1) == pytest.approx((0.49, 0.51))
 
 
+def test_a_method_that_would_only_fill_the_magnified_plot_is_named_instead(
+    two: Comparison, solution: quito.Solution
+) -> None:
+    rings = row("lgr", solution, 0.3 * np.sin(300 * TIMES))
+    whole, close = drawn(replace(two, rows=(*two.rows, rings)), "error").axes
+    assert len(whole.get_lines()) == 3
+    assert len(close.get_lines()) == 2
+    assert close.get_title(loc="right") == "magnified 330 times, lgr not shown: larger"
+
+
 def test_an_error_that_is_as_large_everywhere_is_not_magnified(solution: quito.Solution) -> None:
     flat = comparison(solution, row("ours", solution, np.sin(40 * TIMES)))
     assert len(drawn(flat, "error").axes) == 1

@@ -65,7 +65,7 @@ def style(number: int) -> dict[str, Any]:
         "linestyle": _DASHES[(place + turn) % len(_DASHES)],
         "marker": _MARKERS[(place + 2 * turn) % len(_MARKERS)],
         "markersize": 4.5,
-        "markeredgewidth": 0.6,
+        "markeredgewidth": 0.3,
         "markeredgecolor": "white",
     }
 
