@@ -143,6 +143,18 @@ def test_the_reference_jumps_and_is_left_out_where_unknown(two: Comparison) -> N
         assert all(a.get_linewidth() < 4 for a in axes.get_lines())
 
 
+def test_times_stand_under_the_lowest_plot_of_their_kind(two: Comparison) -> None:
+    under = [
+        (axes.get_xlabel(), axes.xaxis.get_tick_params()["labelbottom"])
+        for axes in drawn(two, "sheet").axes
+    ]
+    frequency = "frequency [cycles per unit of t]"
+    assert under[:4] == [("", False)] * 3 + [("t", True)]  # below the fourth is the spectrum
+    assert under[4:] == [("t", True)] * 3 + [(frequency, True)]
+    limits = {axes.get_xlim() for axes in drawn(two, "sheet").axes[:7]}
+    assert len(limits) == 1
+
+
 def test_nothing_is_drawn_twice_and_ours_is_on_top(two: Comparison) -> None:
     for name in FIGURES:
         for axes in drawn(two, name).axes:
