@@ -143,6 +143,18 @@ def test_the_reference_jumps_and_is_left_out_where_unknown(two: Comparison) -> N
         assert all(a.get_linewidth() < 4 for a in axes.get_lines())
 
 
+def test_times_stand_under_the_lowest_plot_of_their_kind(two: Comparison) -> None:
+    under = [
+        (axes.get_xlabel(), axes.xaxis.get_tick_params()["labelbottom"])
+        for axes in drawn(two, "sheet").axes
+    ]
+    frequency = "frequency [cycles per unit of t]"
+    assert under[:4] == [("", False)] * 3 + [("t", True)]  # below the fourth is the spectrum
+    assert under[4:] == [("t", True)] * 3 + [(frequency, True)]
+    limits = {axes.get_xlim() for axes in drawn(two, "sheet").axes[:7]}
+    assert len(limits) == 1
+
+
 def test_nothing_is_drawn_twice_and_ours_is_on_top(two: Comparison) -> None:
     for name in FIGURES:
         for axes in drawn(two, name).axes:
@@ -166,6 +178,16 @@ def test_the_error_is_shown_on_the_whole_and_magnified(two: Comparison) -> None:
         (zone,) = axes.patches
         corners = zone.get_extents().transformed(axes.transData.inverted())
         assert (corners.x0, corners.x1) == pytest.approx((0.49, 0.51))
+
+
+def test_a_method_that_would_only_fill_the_magnified_plot_is_named_instead(
+    two: Comparison, solution: quito.Solution
+) -> None:
+    rings = row("lgr", solution, 0.3 * np.sin(300 * TIMES))
+    whole, close = drawn(replace(two, rows=(*two.rows, rings)), "error").axes
+    assert len(whole.get_lines()) == 3
+    assert len(close.get_lines()) == 2
+    assert close.get_title(loc="right") == "magnified 330 times, lgr not shown: larger"
 
 
 def test_an_error_that_is_as_large_everywhere_is_not_magnified(solution: quito.Solution) -> None:

@@ -65,7 +65,7 @@ def style(number: int) -> dict[str, Any]:
         "linestyle": _DASHES[(place + turn) % len(_DASHES)],
         "marker": _MARKERS[(place + 2 * turn) % len(_MARKERS)],
         "markersize": 4.5,
-        "markeredgewidth": 0.6,
+        "markeredgewidth": 0.3,
         "markeredgecolor": "white",
     }
 
@@ -161,13 +161,14 @@ def figure(comparison: Comparison, name: str) -> Figure | None:
     size = kind.width, 0.8 + legend + kind.height * len(rows)
     drawn = Figure(figsize=size, layout="constrained")
     limits = _limits(panels)
-    for i, panel, place in places(drawn, rows, [1.0] * len(rows)):
+    for i, j, panel, place in places(drawn, rows, [1.0] * len(rows)):
         axes = drawn.add_subplot(place)
         _draw(axes, panel, len(comparison.rows))
         axes.set_xlim(*limits[panel.axis])
-        if i + 1 < len(rows) and len(rows[i + 1]) == len(rows[i]):
+        below = rows[i + 1] if i + 1 < len(rows) else ()
+        if len(below) == len(rows[i]) and below[j].axis == panel.axis:
             axes.tick_params(labelbottom=False)  # they stand under the plot below
-        elif i + 1 == len(rows) or panel.axis != "t":
+        else:
             axes.set_xlabel(panel.axis)
     drawn.suptitle(_heading(comparison, kind))
     drawn.legend(
@@ -232,7 +233,7 @@ def _line(axes: Axes, trace: Trace, order: float, count: int) -> None:
     marks = np.searchsorted(trace.x, ends[0] + spread * (ends[1] - ends[0]))
     every = np.unique(np.minimum(marks, len(trace.x) - 1)).tolist()
     look = {**style(trace.method), "linewidth": width, "alpha": alpha, "zorder": order}
-    axes.plot(trace.x, trace.y, markevery=every, **look)
+    axes.plot(trace.x, trace.y, markevery=every, in_layout=False, **look)
 
 
 def _entries(comparison: Comparison, panels: Sequence[Panel]) -> dict[str, Artist]:

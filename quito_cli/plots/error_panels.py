@@ -1,8 +1,8 @@
 """Comparison -> plots of its control error e(t) = û(t) − u*(t), at the sample times of the norms.
 
-On the whole; magnified, as high as the first method's error is between the jumps; its modulus on a
-logarithmic scale; and the modulus of its discrete Fourier transform over the frequency. The QuITO
-paper judges ringing by these (section 4).
+On the whole; magnified, as high as the first method's error is between the jumps, without methods
+whose error would only fill the plot; its modulus on a logarithmic scale; and the modulus of its
+discrete Fourier transform over the frequency. The QuITO paper judges ringing by these (section 4).
 """
 
 from __future__ import annotations
@@ -14,7 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.plots.layout import shared, with_unit
-from quito_cli.plots.panels import Line, Panel, beyond, finite, first, padded, span, traces
+from quito_cli.plots.panels import (
+    Line,
+    Panel,
+    beyond,
+    finite,
+    first,
+    padded,
+    shortened,
+    span,
+    traces,
+)
 
 if TYPE_CHECKING:
     from quito_cli.comparison.comparison import Comparison
@@ -48,8 +58,10 @@ class _Error:
     """Modulus of the transform by frequency."""
     size: float
     """Span of the control."""
+    between: dict[int, float]
+    """Half of a method's samples between the jumps are larger, by row."""
     usual: float
-    """Of the first method between the jumps."""
+    """Nearly all of the first method's between the jumps are smaller."""
 
 
 def _errors(comparison: Comparison) -> list[_Error]:
@@ -75,14 +87,23 @@ def _errors(comparison: Comparison) -> list[_Error]:
         moduli = [(n, comparison.frequencies, finite(row.spectrum[:, i])) for n, row, i in known]
         numbers = {n for n, _, _ in times}
         leader = first(comparison) if first(comparison) in numbers else min(numbers)
-        between = np.abs([y[outside] for n, _, y in times if n == leader]).ravel()
-        between = between[np.isfinite(between)]
-        usual = float(np.quantile(between, _USUAL)) if between.size else 0.0
+        between = {n: _between([y[outside] for m, _, y in times if m == n]) for n in numbers}
+        halves = {n: _quantile(values, 0.5) for n, values in between.items()}
+        usual = _quantile(between[leader], _USUAL)
         low, high = span([truth[:, entries]])
         size = high - low or max(abs(low), 1.0)
         unit = comparison.controls[entries[0]].unit
-        found.append(_Error(name, unit, times, moduli, size, usual))
+        found.append(_Error(name, unit, times, moduli, size, halves, usual))
     return found
+
+
+def _between(parts: list[Array]) -> Array:
+    values = np.abs(np.concatenate(parts))
+    return values[np.isfinite(values)]
+
+
+def _quantile(values: Array, part: float) -> float:
+    return float(np.quantile(values, part)) if values.size else 0.0
 
 
 def on_the_whole(comparison: Comparison) -> list[Panel]:
@@ -114,23 +135,36 @@ def magnified(comparison: Comparison) -> list[Panel]:
     panels = []
     closer = False
     for error in _errors(comparison):
-        low, high = _whole(error)
-        whole = max(-low, high)
+        whole = max(map(abs, _whole(error)))
         reach = max(_MAGNIFIED * error.usual, _CLOSE * error.size)
         closer = closer or _MAGNIFIED * reach < whole
         reach = min(reach, whole) or error.size
+        beyond = [n for n, half in sorted(error.between.items()) if half > reach]
+        lines = [line for line in error.times if line[0] not in beyond]
         panels.append(
             Panel(
                 with_unit(f"error of {error.name}", error.unit),
                 "t",
-                traces(error.times, -reach, reach),
+                traces(lines, -reach, reach),
                 -reach,
                 reach,
                 zones=comparison.zones,
-                note=f"magnified {_two_digits(whole / reach)} times" if reach < whole else "",
+                note=_magnification(comparison, whole / reach, beyond),
             )
         )
     return panels if closer else []
+
+
+def _magnification(comparison: Comparison, times: float, beyond: list[int]) -> str:
+    """Return what is said of a magnified plot, and of methods that would only fill it."""
+    if times <= 1:
+        return ""
+    said = f"magnified {_two_digits(times)} times"
+    if beyond:
+        others = f" and {len(beyond) - 1} more" if len(beyond) > 1 else ""
+        name = shortened(comparison.rows[beyond[0]].method, 24)
+        said += f", {name}{others} not shown: larger"
+    return said
 
 
 def _two_digits(number: float) -> str:

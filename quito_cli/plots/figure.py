@@ -138,7 +138,7 @@ def figure(solution: Solution, panels: Iterable[str]) -> Figure:
     size = 1.2 + 3.6 * max(columns, 2), 1.1 + sum(heights)
     drawn = Figure(figsize=size, layout="constrained")
     last = max((i for i, row in enumerate(rows) if isinstance(row[0], Curve)), default=-1)
-    for i, panel, place in places(drawn, rows, heights):
+    for i, _, panel, place in places(drawn, rows, heights):
         if isinstance(panel, Drawing):
             flat = len(panel.labels) == 2
             draw_plan(drawn.add_subplot(place, projection=None if flat else "3d"), panel)

@@ -41,8 +41,8 @@ def balanced(group: Sequence[Item], columns: int) -> list[Sequence[Item]]:
 
 def places(
     drawn: Figure, rows: Sequence[Sequence[Item]], heights: Sequence[float]
-) -> Iterator[tuple[int, Item, Any]]:
-    """Yield the number of its row, each item, and the cell of the grid where it stands.
+) -> Iterator[tuple[int, int, Item, Any]]:
+    """Yield row and column of each item, the item, and the cell of the grid where it stands.
 
     Args:
         drawn: the figure.
@@ -54,4 +54,4 @@ def places(
     for i, row in enumerate(rows):
         width = units // len(row)
         for j, item in enumerate(row):
-            yield i, item, grid[i, j * width : (j + 1) * width]
+            yield i, j, item, grid[i, j * width : (j + 1) * width]
