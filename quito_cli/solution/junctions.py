@@ -1,0 +1,192 @@
+"""Jumps and kinks of a control, found in û itself.
+
+In index space a jump of the control has a width of its own: that of the step response of the
+generating function, a few cells, however small the cells are; a steep but smooth passage spreads
+over more cells the more of them there are. So a jump is a peak of the differences |û(s+½) − û(s)|
+that has fallen to nothing within `width` cells on either side. A kink is the same one derivative
+later: a peak of the second differences. Where cells are as small as refinement makes them, the
+cells that a jump takes are its uncertainty in time.
+
+The time of a jump from a to b is where a step would have the same integral, for that is what the
+dynamics feel: ∫û dt = a (t* − t₁) + b (t₂ − t*). That of a kink is where the tangents meet.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quito_cli.transcription.control import Basis, ControlBasis
+from quito_cli.transcription.mesh import Mesh
+
+Array = NDArray[np.float64]
+
+HEIGHT = 0.03
+"""A jump is at least this part of the control's range."""
+SLOPE = 0.5
+"""A kink changes the slope by at least this many ranges a horizon."""
+FADED = 0.05
+"""Part of its peak to which a jump or kink has fallen where it ends."""
+ABOVE = 6.0
+"""A kink changes the slope by this many times as much as the neighbourhood does."""
+SMALLEST = 1e-4
+"""A kink that rounds off less of the range than this is not to be told from noise."""
+WAVE = 0.3
+"""Part of its slope that a control may have beside a jump: more, and the jump is one of a wave."""
+SHORT = 2e-3
+"""What takes no more than this part of the horizon is a jump or kink, however many cells it has."""
+_FINE = 2
+"""Points a cell."""
+_STEP = 3.5
+"""√D cells in which a quasi-interpolant gets over a step of its coefficients."""
+_PLAIN = 3
+"""Cells that a jump takes of a control that is no quasi-interpolant."""
+
+
+@dataclass(frozen=True)
+class Junction:
+    """Where a control jumps or has a kink."""
+
+    control: int
+    """Entry of the stacked controls."""
+    kind: Literal["jump", "kink"]
+    time: float
+    uncertainty: float
+    """Half the time that û takes for it."""
+    before: float
+    """û just before it takes place."""
+    after: float
+    """û just after."""
+    blur: float
+    """L² norm over time of û minus the step that a jump is; 0 of a kink."""
+
+
+def junctions(
+    basis: Basis, mesh: Mesh, coefficients: Array, times: tuple[float, float], ranges: Array
+) -> tuple[Junction, ...]:
+    """Return the jumps and kinks of every control, by time.
+
+    Args:
+        basis: functions of the control.
+        mesh: the cells.
+        coefficients: (count, n_u).
+        times: initial and final time.
+        ranges: (n_u,) what heights are judged by.
+    """
+    cells, offsets = mesh.points(np.arange(_FINE) / _FINE)
+    cells, offsets = np.append(cells, mesh.cells - 1), np.append(offsets, 1.0)
+    fractions = mesh.fractions[cells] + offsets * mesh.steps[cells]
+    u = basis.evaluate(coefficients, cells, offsets)
+    most = _FINE * width(basis)
+    start, horizon = times[0], times[1] - times[0]
+    found: list[Junction] = []
+    for i, size in enumerate(ranges):
+        if size <= 0:
+            continue
+        v = u[:, i] / size
+        jumps = _jumps(v, fractions, most)
+        found += [_jump(i, span, v, fractions) for span in jumps]
+        found += [_kink(i, span, v, fractions) for span in _kinks(v, fractions, most, jumps)]
+    return tuple(
+        replace(
+            j,
+            time=start + horizon * j.time,
+            uncertainty=horizon * j.uncertainty,
+            before=j.before * float(ranges[j.control]),
+            after=j.after * float(ranges[j.control]),
+            blur=j.blur * float(ranges[j.control]) * math.sqrt(horizon),
+        )
+        for j in sorted(found, key=lambda junction: junction.time)
+    )
+
+
+def width(basis: Basis) -> int:
+    """Return how many cells a step of the coefficients takes, and one for where it falls."""
+    if not isinstance(basis, ControlBasis) or not basis.function.scaled:
+        return _PLAIN
+    return math.ceil(_STEP * math.sqrt(basis.variance)) + 1
+
+
+def _jumps(u: Array, t: Array, most: int) -> list[tuple[int, int]]:
+    """Return the jumps of one control over its range, as ranges of points, first and last.
+
+    The steepest place is looked at first, and what is steep around it belongs to it.
+    """
+    slopes = np.abs(np.diff(u) / np.diff(t))
+    least = HEIGHT / max(most * float(np.median(np.diff(t))), SHORT)
+    spans: list[tuple[int, int]] = []
+    left = np.array(slopes)
+    while left[peak := int(np.argmax(left))] > least:
+        faded = np.flatnonzero(slopes <= FADED * slopes[peak])
+        first = int(faded[faded < peak].max(initial=-1)) + 1
+        last = int(faded[faded > peak].min(initial=len(slopes)))
+        left[first:last] = 0.0
+        around = np.append(slopes[max(first - most, 0) : first], slopes[last : last + most])
+        if t[last] - t[first] > SHORT and (
+            last - first > most or around.max(initial=0.0) > WAVE * slopes[peak]
+        ):
+            continue
+        within = [span for span in spans if span[0] < last and first < span[1]]
+        spans = [span for span in spans if span not in within] + [
+            (min(first, *(a for a, _ in within)), max(last, *(b for _, b in within)))
+            if within
+            else (first, last)
+        ]
+    return [(a, b) for a, b in spans if abs(u[b] - u[a]) > HEIGHT]
+
+
+def _kinks(
+    u: Array, t: Array, most: int, jumps: list[tuple[int, int]]
+) -> list[tuple[int, int]]:
+    """Return the kinks of one control away from its jumps, as ranges of points, first and last.
+
+    Mean slopes of four windows of `most` points in a row, and a gap in the middle that a kink would
+    take: the slopes on either side of the gap differ far more than those of neighbours do.
+    """
+    starts = np.arange(len(u) - 5 * most)
+    if not starts.size:
+        return []
+    ends = starts[:, None] + most * np.arange(6)
+    slopes = np.diff(u[ends], axis=1) / np.diff(t[ends], axis=1)
+    change = np.abs(slopes[:, 3] - slopes[:, 1])
+    usual = np.abs(slopes[:, 1] - slopes[:, 0]) + np.abs(slopes[:, 4] - slopes[:, 3])
+    gap = t[ends[:, 3]] - t[ends[:, 2]]
+    score = change / (usual + SLOPE / ABOVE)
+    plain = (score > ABOVE) & (change * gap > SMALLEST)
+    for first, last in jumps:
+        plain &= (ends[:, -1] < first) | (ends[:, 0] > last)
+    clear = np.where(plain, score, 0.0)
+    spans = []
+    while clear.size and clear[best := int(np.argmax(clear))] > 0:
+        spans.append((int(ends[best, 2]), int(ends[best, 3])))
+        clear[max(best - 2 * most, 0) : best + 2 * most + 1] = 0.0
+    return spans
+
+
+def _jump(control: int, span: tuple[int, int], u: Array, t: Array) -> Junction:
+    """Return the step with the same integral as û has over `span`."""
+    t, v = t[span[0] : span[1] + 1], u[span[0] : span[1] + 1]
+    integral = float(((v[1:] + v[:-1]) / 2 * np.diff(t)).sum())
+    before, after = float(v[0]), float(v[-1])
+    at = (integral + before * t[0] - after * t[-1]) / (before - after)
+    at = float(np.clip(at, t[0], t[-1]))
+    middle = (t[1:] + t[:-1]) / 2
+    off = (v[1:] + v[:-1]) / 2 - np.where(middle < at, before, after)
+    blur = float(np.sqrt((off**2 * np.diff(t)).sum()))
+    return Junction(control, "jump", at, float(t[-1] - t[0]) / 2, before, after, blur)
+
+
+def _kink(control: int, span: tuple[int, int], u: Array, t: Array) -> Junction:
+    """Return where the lines through the windows on both sides of `span` meet."""
+    first, last = span
+    i = [2 * first - last, first, last, 2 * last - first]
+    t, v = t[i], u[i]
+    left, right = (v[1] - v[0]) / (t[1] - t[0]), (v[3] - v[2]) / (t[3] - t[2])
+    at = float(np.clip((v[2] - v[1] + left * t[1] - right * t[2]) / (left - right), t[1], t[2]))
+    value = float(v[1] + left * (at - t[1]))
+    return Junction(control, "kink", at, float(t[2] - t[1]) / 2, value, value, 0.0)
