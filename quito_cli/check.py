@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from quito_cli.problem.build import build
 from quito_cli.problem.idle import idle
 from quito_cli.problem.model import Constraint, Model, labels
+from quito_cli.problem.options import COLLOCATION
 from quito_cli.problem.schema import Problem
 from quito_cli.problem.text.complaints import Complaint, Path
 from quito_cli.solution.violations import Dense, beyond_tables
@@ -186,6 +187,8 @@ def _costs(model: Model, guess: Guess) -> tuple[float, float]:
 
 def _discretization(model: Model, options: Options) -> Iterator[Complaint]:
     """Cells too few, or a variance too small, for the control of the file's options."""
+    if options.discretization == COLLOCATION:
+        return
     basis = control_basis(options)
     if not basis.function.scaled or not model.n_u:
         return

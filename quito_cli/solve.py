@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from quito_cli.solution.solution import Solution
     from quito_cli.solvers import Residuals
     from quito_cli.solvers.outcome import Listener, Outcome
-    from quito_cli.transcription.cells import Discretization
-    from quito_cli.transcription.control import ControlBasis
+    from quito_cli.transcription.control import Basis, ControlBasis
+    from quito_cli.transcription.method import Method
     from quito_cli.transcription.transcribe import Nlp
 
 
@@ -34,6 +34,7 @@ class Options:
     control: str = "quasi-interpolant"
     discretization: str = "rk4"
     substeps: int = 2
+    degree: int = 4
     tolerance: float = 1e-9
     max_iterations: int = 1000
     solver: str = "ipopt"
@@ -54,10 +55,16 @@ class Options:
         Raises:
             UsageError: an unknown option, a wrong value, or options that exclude each other.
         """
+        from quito_cli.problem.options import idle, refuse_idle
+
         asked = _checked(given)
         wanted = file.model_dump(exclude_none=True)
         if "solver" in asked and asked["solver"] != wanted.get("solver", cls.solver):
             wanted.pop("solver_options", None)  # the file's are for the file's solver
+        discretization = asked.get("discretization", wanted.get("discretization"))
+        if discretization != wanted.get("discretization"):
+            for name in idle(discretization):  # the file's choice was for the file's method
+                wanted.pop(name, None)
         if "control" in asked and asked["control"] != wanted.get("control", cls.control):
             for name in QUASI_INTERPOLANT_ONLY:  # the file's choice was for the file's control
                 wanted.pop(name, None)
@@ -65,6 +72,7 @@ class Options:
             "solver_options", {}
         )
         wanted |= asked
+        refuse_idle(wanted, discretization)
         control = wanted.get("control", cls.control)
         for name in QUASI_INTERPOLANT_ONLY:
             if control != "quasi-interpolant" and name in wanted:
@@ -74,9 +82,18 @@ class Options:
                 )
         return replace(cls(), **wanted)
 
+    @property
+    def record(self) -> dict[str, Any]:
+        """By name, those that mean something to the discretization."""
+        from quito_cli.problem.options import idle
+
+        return {k: v for k, v in asdict(self).items() if k not in idle(self.discretization)}
+
 
 MOST_OF_A_FILE = 1_000_000
 """Variables times substeps that a file may ask for by itself."""
+DENSE_POINTS = 20
+"""Points of a collocation that depend on one another as much as a step costs."""
 RESCALINGS = 2
 """Solves that may follow because the guess misjudged the size of the cost."""
 QUASI_INTERPOLANT_ONLY = ("variance", "generating_function", "normalised")
@@ -112,15 +129,11 @@ def solve(
         ProblemError: mistakes in the problem file, all of them told.
     """
     import casadi  # noqa: F401 - before the clock starts
-    import numpy as np
 
     from quito_cli.problem.build import build
     from quito_cli.problem.load import changed, load
     from quito_cli.solution.extract import extract
     from quito_cli.solution.follow import guided
-    from quito_cli.transcription.cells import Discretization
-    from quito_cli.transcription.mesh import Mesh
-    from quito_cli.transcription.schemes import scheme
 
     if isinstance(problem, str | Path):
         problem = load(problem)
@@ -132,15 +145,9 @@ def solve(
     model = build(problem)
     if earlier is not None:
         model = guided(model, earlier)
-    _refuse_too_large(model, chosen, "steps" in given)
+    _refuse_too_large(model, chosen, bool({"steps", "degree"} & given))
     _refuse_warm_start(chosen, earlier, problem)
-    points = [constraint.at for constraint in model.constraints.point]
-    method = Discretization(
-        Mesh.through(chosen.steps, np.array(points, dtype=float)),
-        control_basis(chosen),
-        scheme(chosen.discretization),
-        chosen.substeps,
-    )
+    method = _method(model, chosen)
     built = time.perf_counter() - started
     nlp, outcome, residuals, transcribed = _minimised(
         model, method, chosen, earlier if chosen.warm_start else None, listener
@@ -148,12 +155,34 @@ def solve(
     built += transcribed
     doubt = control_warning(model, method.basis)
     nlp = replace(nlp, notes=nlp.notes + ((doubt,) if doubt else ()))
-    return extract(problem, nlp, outcome, residuals, asdict(chosen), built)
+    return extract(problem, nlp, outcome, residuals, chosen.record, built)
+
+
+def _method(model: Model, options: Options) -> Method:
+    """Return what the options make the problem finite with.
+
+    Raises:
+        UsageError: too few cells for the points of the problem, or too small a variance.
+    """
+    import numpy as np
+
+    from quito_cli.problem.options import COLLOCATION
+    from quito_cli.transcription.cells import Discretization
+    from quito_cli.transcription.collocation import Collocation
+    from quito_cli.transcription.mesh import Mesh
+    from quito_cli.transcription.schemes import scheme
+
+    points = [constraint.at for constraint in model.constraints.point]
+    mesh = Mesh.through(options.steps, np.array(points, dtype=float))
+    if options.discretization == COLLOCATION:
+        return Collocation(mesh, options.degree)
+    rows = scheme(options.discretization)
+    return Discretization(mesh, control_basis(options), rows, options.substeps)
 
 
 def _minimised(
     model: Model,
-    method: Discretization,
+    method: Method,
     options: Options,
     warm: Solution | None,
     listener: Listener | None,
@@ -213,10 +242,15 @@ def _refuse_too_large(model: Model, options: Options, asked: bool) -> None:
     Raises:
         UsageError: the file's own steps and sizes make too large a program.
     """
-    size = (model.n_x + model.n_u) * options.steps * options.substeps
+    from quito_cli.problem.options import COLLOCATION
+
+    each, what, dense = options.substeps, "steps", 1
+    if options.discretization == COLLOCATION:
+        each, what, dense = options.degree, "points", 1 + options.degree // DENSE_POINTS
+    size = (model.n_x + model.n_u) * options.steps * each * dense
     if size > MOST_OF_A_FILE and not asked:
         raise UsageError(
-            f"the file asks for {options.steps} cells of {options.substeps} steps with "
+            f"the file asks for {options.steps} cells of {each} {what} with "
             f"{model.n_x + model.n_u} states and controls, which may take hours and all memory; if "
             "you mean it, say so with -N"
         )
@@ -264,10 +298,13 @@ def control_basis(options: Options) -> ControlBasis:
     return basis if basis.ghosts <= most else replace(basis, most_ghosts=most)
 
 
-def control_warning(model: Model, basis: ControlBasis) -> str | None:
+def control_warning(model: Model, basis: Basis) -> str | None:
     """Return what there is to say against a control's generating function and variance."""
+    from quito_cli.transcription.control import ControlBasis
     from quito_cli.transcription.qualities import saturation_warning
 
+    if not isinstance(basis, ControlBasis):
+        return None
     bounds = model.control_bounds
     return saturation_warning(basis, bounds.lower, bounds.upper, SATURATION_LIMIT)
 

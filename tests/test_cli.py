@@ -155,6 +155,8 @@ OPTIONS: list[tuple[tuple[str, ...], str, Any]] = [
     (("--control", "piecewise-linear"), "control", "piecewise-linear"),
     (("--control", "quasi-interpolant"), "control", "quasi-interpolant"),
     (("--discretization", "euler"), "discretization", "euler"),
+    (("--discretization", "lgr"), "discretization", "lgr"),
+    (("--discretization", "lgr", "--degree", "3"), "degree", 3),
     (("--substeps", "1"), "substeps", 1),
     (("--tolerance", "1e-6"), "tolerance", 1e-6),
     (("--max-iterations", "77"), "max_iterations", 77),
@@ -624,7 +626,15 @@ def test_help_names_every_option_with_its_default(quito_: Quito) -> None:
     text = " ".join(ran.out.split()).replace("quasi- ", "quasi-")
     for option in (
         *("--steps", "--variance", "--generating-function", "--discretization", "--substeps"),
-        *("--control", "--solver-option", "--tolerance", "--max-iterations", "--set", "--output"),
+        *(
+            "--degree",
+            "--control",
+            "--solver-option",
+            "--tolerance",
+            "--max-iterations",
+            "--set",
+            "--output",
+        ),
         *("--format", "--no-plot", "--json", "--quiet", "--verbose"),
     ):
         assert option in text
@@ -677,6 +687,9 @@ REFUSED_OPTIONS = {
     ),
     ("-N", "-5"): "steps: expected at least 1, got -5",
     ("--substeps", "0"): "substeps: expected at least 1, got 0",
+    ("--discretization", "lgr", "--degree", "0"): "degree: expected at least 1, got 0",
+    ("--degree", "3"): "degree belongs to collocation: add --discretization lgr",
+    ("--discretization", "lgr", "--substeps", "3"): "substeps means nothing to lgr",
     ("--variance", "-1"): "variance: expected a number above 0, got -1",
     ("--variance", "nan"): "variance: expected a finite number, got nan",
     ("--variance", "0.01"): "variance 0.01 is too small for the generating function gaussian",

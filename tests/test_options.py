@@ -11,7 +11,12 @@ import pytest
 import quito_cli as quito
 from quito_cli.problem import options as requested
 from quito_cli.problem.load import load_text
-from quito_cli.problem.options import FileOptions, RequestedOptions, refuse_solver_option
+from quito_cli.problem.options import (
+    SHOOTING_ONLY,
+    FileOptions,
+    RequestedOptions,
+    refuse_solver_option,
+)
 from quito_cli.solve import CLASSICAL_CONTROLS, QUASI_INTERPOLANT_ONLY, Options
 from quito_cli.solvers import AUTOMATIC, SOLVERS
 from quito_cli.transcription.generating import GENERATING_FUNCTIONS, generating_function
@@ -52,7 +57,7 @@ def test_names_are_those_of_the_tables() -> None:
     classical = set(CLASSICAL_CONTROLS.values())
     assert get_args(requested.GeneratingFunctionName) == PAPER
     assert set(PAPER) == set(GENERATING_FUNCTIONS) - classical
-    assert set(get_args(requested.DiscretizationName)) == set(SCHEMES)
+    assert set(get_args(requested.DiscretizationName)) == {*SCHEMES, requested.COLLOCATION}
     assert set(get_args(requested.SolverName)) == {AUTOMATIC, *SOLVERS}
     assert set(get_args(requested.ControlName)) == {"quasi-interpolant", *CLASSICAL_CONTROLS}
     assert set(QUASI_INTERPOLANT_ONLY) < {field.name for field in fields(Options)}
@@ -78,6 +83,7 @@ def test_defaults_are_those_of_the_design() -> None:
         control="quasi-interpolant",
         discretization="rk4",
         substeps=2,
+        degree=4,
         tolerance=1e-9,
         max_iterations=1000,
         solver="ipopt",
@@ -95,20 +101,26 @@ GIVEN: dict[str, tuple[Any, Any]] = {
     "control": ("piecewise-linear", "piecewise-constant"),
     "discretization": ("euler", "rk4"),
     "substeps": (3, 1),
+    "degree": (3, 8),
     "tolerance": (1e-5, 1e-6),
     "max_iterations": (3, 4),
     "path_points": ("nodes", "substeps"),
     "solver": ("uno", "auto"),
 }
 
+BESIDE = {"degree": {"discretization": "lgr"}}
+"""What an option needs beside it."""
+
 
 @pytest.mark.parametrize("name", GIVEN)
 def test_the_call_wins_over_the_file_and_the_file_over_the_default(name: str) -> None:
     in_file, in_call = GIVEN[name]
-    assert getattr(resolve({name: in_file}), name) == in_file
-    assert getattr(resolve({name: in_file}, **{name: in_call}), name) == in_call
-    assert getattr(resolve({name: in_file}, **{name: None}), name) == in_file
-    assert getattr(resolve(**{name: in_call}), name) == in_call
+    beside = BESIDE.get(name, {})
+    file, call = beside | {name: in_file}, beside | {name: in_call}
+    assert getattr(resolve(file), name) == in_file
+    assert getattr(resolve(file, **{name: in_call}), name) == in_call
+    assert getattr(resolve(file, **{name: None}), name) == in_file
+    assert getattr(resolve(**call), name) == in_call
 
 
 def test_solver_options_are_merged_one_by_one() -> None:
@@ -145,6 +157,43 @@ def test_a_classical_control_has_no_shape(control: str, name: str, value: Any) -
     assert resolve({name: value}, control=control).control == control
 
 
+SHOOTS = {name: GIVEN[name][0] for name in SHOOTING_ONLY}
+
+
+@pytest.mark.parametrize(("name", "value"), SHOOTS.items())
+def test_options_of_shooting_mean_nothing_to_collocation(name: str, value: Any) -> None:
+    said = f"^{name.replace('_', '-')} means nothing to lgr"
+    for file, given in (
+        ({}, {"discretization": "lgr", name: value}),
+        ({"discretization": "lgr", name: value}, {}),
+        ({"discretization": "lgr"}, {name: value}),
+        ({name: value}, {"discretization": "lgr", name: value}),
+    ):
+        with pytest.raises(quito.UsageError, match=said):
+            resolve(file, **given)
+    chosen = resolve({name: value}, discretization="lgr")
+    assert chosen.discretization == "lgr"
+    assert name not in chosen.record
+
+
+def test_a_degree_belongs_to_collocation() -> None:
+    for file, given in (
+        ({}, {"degree": 3}),
+        ({"degree": 3}, {}),
+        ({"discretization": "lgr"}, {"discretization": "rk4", "degree": 3}),
+    ):
+        with pytest.raises(quito.UsageError, match=r"^degree belongs to collocation: add "):
+            resolve(file, **given)
+    own: dict[str, Any] = {"discretization": "lgr", "degree": 7}
+    assert resolve(own).degree == 7
+    assert resolve(own, discretization="lgr").degree == 7
+    assert resolve(own, steps=3).degree == 7
+    assert resolve(own).record["degree"] == 7
+    chosen = resolve(own, discretization="euler", variance=3)
+    assert (chosen.discretization, chosen.variance) == ("euler", 3)
+    assert "degree" not in chosen.record
+
+
 # What is refused
 
 
@@ -165,6 +214,8 @@ def test_a_classical_control_has_no_shape(control: str, name: str, value: Any) -
         ("control", "hat"),
         ("discretization", "rk5"),
         ("substeps", 0),
+        ("degree", 0),
+        ("degree", 2.5),
         ("tolerance", 0),
         ("tolerance", 1),
         ("max_iterations", -1),
@@ -201,13 +252,20 @@ def test_an_unknown_option() -> None:
 
 @pytest.mark.parametrize(
     ("name", "most"),
-    [("steps", 20_000), ("variance", 100), ("substeps", 20), ("max_iterations", 10_000)],
+    [
+        ("steps", 20_000),
+        ("variance", 100),
+        ("substeps", 20),
+        ("degree", 200),
+        ("max_iterations", 10_000),
+    ],
 )
 def test_a_file_may_not_ask_for_endless_work_but_a_call_may(name: str, most: int) -> None:
     assert FileOptions.model_validate({name: most})
     with pytest.raises(ValueError, match=name):
         FileOptions.model_validate({name: most + 1})
-    assert getattr(resolve(None, **{name: most + 1}), name) == most + 1
+    asked = BESIDE.get(name, {}) | {name: most + 1}
+    assert getattr(resolve(None, **asked), name) == most + 1
 
 
 HARMFUL = (

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from quito_cli.cli.text import columns, labelled, plain
+from quito_cli.problem.options import COLLOCATION
 from quito_cli.solve import Options
 
 if TYPE_CHECKING:
@@ -161,6 +162,12 @@ def _cost(solution: Solution) -> str:
 
 
 def _method(options: Any) -> str:
+    if options["discretization"] == COLLOCATION:
+        points = "point" if options["degree"] == 1 else "points"
+        return (
+            f"collocation at {options['degree']} Legendre-Gauss-Radau {points} in each of "
+            f"{options['steps']} cells, polynomial control"
+        )
     text = f"{options['steps']} cells of {options['substeps']} {options['discretization']} steps, "
     if options["control"] != "quasi-interpolant":
         return f"{text}{options['control']} control"

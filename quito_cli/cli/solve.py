@@ -56,13 +56,19 @@ def solve(
     discretization: Annotated[
         str | None,
         typer.Option(
-            help="euler, trapezoidal, rk4, hermite-simpson or radau. "
+            help="euler, trapezoidal, rk4, hermite-simpson or radau; or lgr, collocation. "
             f"[default: {Options.discretization}]"
         ),
     ] = None,
     substeps: Annotated[
         int | None,
         typer.Option(help=f"Integration steps in each cell. [default: {Options.substeps}]"),
+    ] = None,
+    degree: Annotated[
+        int | None,
+        typer.Option(
+            help=f"With lgr: degree of the polynomials in each cell. [default: {Options.degree}]"
+        ),
     ] = None,
     tolerance: Annotated[
         float | None, typer.Option(help=f"Of the solver. [default: {Options.tolerance:g}]")
@@ -147,6 +153,7 @@ def solve(
             control=control,
             discretization=discretization,
             substeps=substeps,
+            degree=degree,
             tolerance=tolerance,
             max_iterations=max_iterations,
             solver=solver,

@@ -127,6 +127,7 @@ ALIASES: Final[Mapping[Place, Mapping[str, Alias]]] = {
     ("options",): {
         **_words("N n cells intervals nodes", "steps"),
         **_words("D", "variance"),
+        **_words("order polynomial_degree collocation_points", "degree"),
         **_words("tol", "tolerance"),
         **_words("max_iter maxiter iterations", "max_iterations"),
         **_words("method scheme integrator", "discretization"),

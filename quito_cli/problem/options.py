@@ -7,6 +7,7 @@ was not asked for.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import (
@@ -20,11 +21,13 @@ from pydantic import (
 )
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
+from quito_cli.errors import UsageError
+
 GeneratingFunctionName = Literal[
     "gaussian", "laguerre4", "laguerre6", "hermite10", "trigonometric", "sech"
 ]
 ControlName = Literal["quasi-interpolant", "piecewise-constant", "piecewise-linear"]
-DiscretizationName = Literal["euler", "trapezoidal", "rk4", "hermite-simpson", "radau"]
+DiscretizationName = Literal["euler", "trapezoidal", "rk4", "hermite-simpson", "radau", "lgr"]
 PathPointsName = Literal["nodes", "substeps"]
 SolverName = Literal[
     "auto",
@@ -67,6 +70,38 @@ def _solver_of(value: Any) -> Any:
     return _SHORT.get(value, value) if isinstance(value, str) else value
 
 
+COLLOCATION: DiscretizationName = "lgr"
+"""The discretization that is no shooting."""
+SHOOTING_ONLY = ("control", "variance", "generating_function", "normalised", "substeps")
+"""Options that mean nothing to a collocation: its control is the polynomial through its points."""
+COLLOCATION_ONLY = ("degree",)
+"""Options that mean nothing to shooting."""
+
+
+def idle(discretization: str | None) -> tuple[str, ...]:
+    """Return the options that mean nothing to a discretization."""
+    return SHOOTING_ONLY if discretization == COLLOCATION else COLLOCATION_ONLY
+
+
+def refuse_idle(wanted: Mapping[str, Any], discretization: str | None) -> None:
+    """Refuse options that mean nothing to the discretization.
+
+    Raises:
+        UsageError: there is one.
+    """
+    for name in idle(discretization):
+        if name in wanted and name in COLLOCATION_ONLY:
+            raise UsageError(
+                f"{name} belongs to collocation: add --discretization {COLLOCATION}, or leave it "
+                "out"
+            )
+        if name in wanted:
+            raise UsageError(
+                f"{name.replace('_', '-')} means nothing to {COLLOCATION}, whose control is the "
+                "polynomial through its points: leave it out, or ask for another discretization"
+            )
+
+
 class CommonOptions(BaseModel):
     """What anyone may ask for, each with its meaning."""
 
@@ -89,9 +124,12 @@ class CommonOptions(BaseModel):
     control: ControlName | None = None
     """How the control is represented."""
     discretization: DiscretizationName | None = None
-    """Integration scheme of states and cost."""
+    """Integration scheme of states and cost in every control cell; or `lgr`, collocation at
+    Legendre-Gauss-Radau points, whose control is the polynomial through them."""
     substeps: Annotated[int | None, Field(ge=1, strict=True)] = None
     """Steps of the scheme in each control cell."""
+    degree: Annotated[int | None, Field(ge=1, strict=True)] = None
+    """Degree of the states' polynomials, and points, in each cell of a collocation."""
     tolerance: Annotated[float | None, Field(gt=0, le=1e-3)] = None
     """Tolerance of the solver on the scaled first-order conditions."""
     max_iterations: Annotated[int | None, Field(ge=0, strict=True)] = None
@@ -107,7 +145,8 @@ class CommonOptions(BaseModel):
     path_points: PathPointsName | None = None
     """Where inequalities along the path hold: at nodes, or at all substep offsets; by default at
     the offsets for those that contain a control, at the nodes for those of states alone. An
-    equality with a control always holds at as many points as determine the control."""
+    equality with a control always holds at as many points as determine the control. With `lgr` the
+    offsets are its points, and the default for all."""
     solver_options: dict[str, float | int | bool | str] | None = None
     """Options of the solver, by its own names."""
 
@@ -204,6 +243,8 @@ class FileOptions(CommonOptions):
     """Shape parameter D of the generating function: larger is smoother."""
     substeps: Annotated[int | None, Field(ge=1, le=20, strict=True)] = None
     """Steps of the scheme in each control cell."""
+    degree: Annotated[int | None, Field(ge=1, le=200, strict=True)] = None
+    """Degree of the states' polynomials, and points, in each cell of a collocation."""
     max_iterations: Annotated[int | None, Field(ge=0, le=10_000, strict=True)] = None
     """Iterations after which the solver gives up."""
     solver_options: Annotated[
