@@ -14,7 +14,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.solution.junctions import Junction
+from quito_cli.solution.junctions import Junction, ranges
 from quito_cli.solution.rounds import Account
 from quito_cli.solution.solution import Solution
 from quito_cli.transcription.control import ControlBasis
@@ -24,18 +24,13 @@ Array = NDArray[np.float64]
 
 AT_BOUND = 1e-4
 """û is at a bound that is no further than this part of its range."""
-HARDLY_MOVES = 0.01
-"""A control that moves by less than this part of its size is judged by that."""
 _FINE = 4
 """Points a cell at which answers are compared."""
 
 
-def ranges(solution: Solution) -> Array:
+def spread(solution: Solution) -> Array:
     """Return the range of each control, (n_u,): what its errors are relative to."""
-    u = solution.control(solution.dense_times)
-    spread, size = np.ptp(u, axis=0), np.abs(u).max(axis=0, initial=0.0)
-    found = np.maximum(spread, HARDLY_MOVES * size)
-    return np.where(found > 0, found, 1.0)
+    return ranges(solution.control(solution.dense_times))
 
 
 def account(
@@ -49,7 +44,7 @@ def account(
         other_substeps: one with more substeps.
         local_errors: (N,) of the answer's states, over their size.
     """
-    size = ranges(solution)
+    size = spread(solution)
     zones = left_out(solution, other_mesh, other_substeps)
     times = np.unique(np.concatenate([sample_times(s) for s in (solution, other_mesh)]))
     times = times[~within(times, zones)]
@@ -59,7 +54,7 @@ def account(
         _difference(solution, other_substeps, times, size),
         _from_bounds(solution, times, size),
         blur(solution.junctions, size, horizon),
-        float(sum(end - start for start, end in zones)) / horizon,
+        zones,
         _saturation(solution),
         _bends(solution, zones, size, 0),
         float(local_errors.sum()),
@@ -71,7 +66,7 @@ def change(solution: Solution, before: Solution) -> float:
     """Return the largest change of û outside the jumps of both, over its range."""
     times = np.unique(np.concatenate([sample_times(s) for s in (solution, before)]))
     times = times[~within(times, left_out(solution, before))]
-    return _difference(solution, before, times, ranges(solution))
+    return _difference(solution, before, times, spread(solution))
 
 
 def sample_times(solution: Solution) -> Array:
@@ -142,7 +137,7 @@ def _saturation(solution: Solution) -> float:
 
 def bends(solution: Solution, ends: int) -> float:
     """Return the first term of the approximation error outside jumps, `ends` nodes left out."""
-    return _bends(solution, left_out(solution), ranges(solution), ends)
+    return _bends(solution, left_out(solution), spread(solution), ends)
 
 
 def _bends(

@@ -1,8 +1,8 @@
-"""Wanted lengths -> mesh: bounded from below, growing no faster than neighbours may, through points.
+"""Wanted lengths -> mesh: not too short, growing no faster than neighbours may, through points.
 
-The length wanted at t is the least of all that cells want at their places and may grow to on the way
-to t: h(t) = min_k (h_k + a · |t − cell k|). Cells of that length are ∫ dt / h(t) in number; where
-that is more than allowed, all are longer by the same factor.
+The length wanted at t is the least of all that cells want at their places and may grow to on the
+way to t: h(t) = min_k (h_k + a · |t − cell k|). Cells of that length are ∫ dt / h(t) in number;
+where that is more than allowed, all are longer by the same factor.
 """
 
 from __future__ import annotations
@@ -47,7 +47,9 @@ def graded(mesh: Mesh, wanted: Array, shortest: float, most: int, points: Array)
             factor = float(np.sqrt(low * high))
             low, high = (factor, high) if cells(factor).sum() > most else (low, factor)
         counted = cells(high)
-    edges = np.append((first[:, None] + mesh.steps[:, None] * np.arange(_PARTS) / _PARTS).ravel(), 1)
+    edges = np.append(
+        (first[:, None] + mesh.steps[:, None] * np.arange(_PARTS) / _PARTS).ravel(), 1
+    )
     reached = np.append(0.0, np.cumsum(counted))
     number = max(min(round(reached[-1]), most), len(points) + 1, 2)
     nodes = np.interp(np.linspace(0.0, reached[-1], number + 1), reached, edges)

@@ -2,8 +2,8 @@
 
 The density of cells is N₀ times a mixture of three shares, each of integral one over the horizon:
 equal cells, the variation of û, and the square root of its second differences in index space. The
-second draws cells into jumps, where they halve the error of û with their length, the third to kinks,
-and where û bends: √|Δ²û| equal in all cells makes the error of a method of order two equal in all.
+second draws cells into jumps, where the error of û falls with their length, the third to kinks, and
+where û bends: √|Δ²û| equal in all cells makes the error of a method of order two equal in all.
 Where the local error of the states asks for more than that, there are more: a scheme of order p in
 cells of length h makes an error of h^(p+1).
 """

@@ -14,7 +14,6 @@ dynamics feel: ∫û dt = a (t* − t₁) + b (t₂ − t*). That of a kink is w
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -25,11 +24,14 @@ from quito_cli.transcription.control import Basis, ControlBasis
 from quito_cli.transcription.mesh import Mesh
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 HEIGHT = 0.03
 """A jump is at least this part of the control's range."""
 SLOPE = 0.5
 """A kink changes the slope by at least this many ranges a horizon."""
+HARDLY_MOVES = 0.01
+"""A control that moves by less than this part of its size is judged by that."""
 FADED = 0.05
 """Part of its peak to which a jump or kink has fallen where it ends."""
 ABOVE = 6.0
@@ -67,7 +69,7 @@ class Junction:
 
 
 def junctions(
-    basis: Basis, mesh: Mesh, coefficients: Array, times: tuple[float, float], ranges: Array
+    basis: Basis, mesh: Mesh, coefficients: Array, times: tuple[float, float]
 ) -> tuple[Junction, ...]:
     """Return the jumps and kinks of every control, by time.
 
@@ -76,18 +78,15 @@ def junctions(
         mesh: the cells.
         coefficients: (count, n_u).
         times: initial and final time.
-        ranges: (n_u,) what heights are judged by.
     """
     cells, offsets = mesh.points(np.arange(_FINE) / _FINE)
     cells, offsets = np.append(cells, mesh.cells - 1), np.append(offsets, 1.0)
     fractions = mesh.fractions[cells] + offsets * mesh.steps[cells]
     u = basis.evaluate(coefficients, cells, offsets)
-    most = _FINE * width(basis)
+    spread, most = ranges(u), _FINE * width(basis)
     start, horizon = times[0], times[1] - times[0]
     found: list[Junction] = []
-    for i, size in enumerate(ranges):
-        if size <= 0:
-            continue
+    for i, size in enumerate(spread):
         v = u[:, i] / size
         jumps = _jumps(v, fractions, most)
         found += [_jump(i, span, v, fractions) for span in jumps]
@@ -97,12 +96,21 @@ def junctions(
             j,
             time=start + horizon * j.time,
             uncertainty=horizon * j.uncertainty,
-            before=j.before * float(ranges[j.control]),
-            after=j.after * float(ranges[j.control]),
-            blur=j.blur * float(ranges[j.control]) * math.sqrt(horizon),
+            before=j.before * float(spread[j.control]),
+            after=j.after * float(spread[j.control]),
+            blur=j.blur * float(spread[j.control]) * math.sqrt(horizon),
         )
         for j in sorted(found, key=lambda junction: junction.time)
     )
+
+
+def ranges(u: Array) -> Array:
+    """Return the range of each control, (n_u,), from samples (points, n_u).
+
+    A control that hardly moves is judged by its size; one that is zero, by one.
+    """
+    found = np.maximum(np.ptp(u, axis=0), HARDLY_MOVES * np.abs(u).max(axis=0, initial=0.0))
+    return np.where(found > 0, found, 1.0)
 
 
 def width(basis: Basis) -> int:
@@ -140,30 +148,37 @@ def _jumps(u: Array, t: Array, most: int) -> list[tuple[int, int]]:
     return [(a, b) for a, b in spans if abs(u[b] - u[a]) > HEIGHT]
 
 
-def _kinks(
-    u: Array, t: Array, most: int, jumps: list[tuple[int, int]]
-) -> list[tuple[int, int]]:
+def _kinks(u: Array, t: Array, most: int, jumps: list[tuple[int, int]]) -> list[tuple[int, int]]:
     """Return the kinks of one control away from its jumps, as ranges of points, first and last.
 
-    Mean slopes of four windows of `most` points in a row, and a gap in the middle that a kink would
-    take: the slopes on either side of the gap differ far more than those of neighbours do.
+    Mean slopes of two windows on either side of a gap that a kink would take: those next to it
+    differ far more than the two on a side do. At the ends of the horizon the outer one may be
+    missing.
     """
-    starts = np.arange(len(u) - 5 * most)
+    side = most // 2
+    starts = np.arange(len(u) - most - 2 * side)
     if not starts.size:
         return []
-    ends = starts[:, None] + most * np.arange(6)
-    slopes = np.diff(u[ends], axis=1) / np.diff(t[ends], axis=1)
-    change = np.abs(slopes[:, 3] - slopes[:, 1])
-    usual = np.abs(slopes[:, 1] - slopes[:, 0]) + np.abs(slopes[:, 4] - slopes[:, 3])
-    gap = t[ends[:, 3]] - t[ends[:, 2]]
+    first, last = starts + side, starts + side + most
+    outer = np.maximum(starts - side, 0), np.minimum(last + 2 * side, len(u) - 1)
+
+    def slope(a: Indices, b: Indices) -> Array:
+        with np.errstate(invalid="ignore"):
+            return np.asarray((u[b] - u[a]) / (t[b] - t[a]))
+
+    before, after = slope(starts, first), slope(last, last + side)
+    change = np.abs(after - before)
+    usual = np.nan_to_num(np.abs(before - slope(outer[0], starts)))
+    usual += np.nan_to_num(np.abs(slope(last + side, outer[1]) - after))
     score = change / (usual + SLOPE / ABOVE)
-    plain = (score > ABOVE) & (change * gap > SMALLEST)
-    for first, last in jumps:
-        plain &= (ends[:, -1] < first) | (ends[:, 0] > last)
+    plain = (score > ABOVE) & (change * (t[last] - t[first]) > SMALLEST)
+    ends = np.column_stack([starts, last + side])
+    for a, b in jumps:
+        plain &= (ends[:, 1] < a) | (ends[:, 0] > b)
     clear = np.where(plain, score, 0.0)
     spans = []
-    while clear.size and clear[best := int(np.argmax(clear))] > 0:
-        spans.append((int(ends[best, 2]), int(ends[best, 3])))
+    while clear[best := int(np.argmax(clear))] > 0:
+        spans.append((int(first[best]), int(last[best])))
         clear[max(best - 2 * most, 0) : best + 2 * most + 1] = 0.0
     return spans
 
@@ -184,7 +199,8 @@ def _jump(control: int, span: tuple[int, int], u: Array, t: Array) -> Junction:
 def _kink(control: int, span: tuple[int, int], u: Array, t: Array) -> Junction:
     """Return where the lines through the windows on both sides of `span` meet."""
     first, last = span
-    i = [2 * first - last, first, last, 2 * last - first]
+    side = (last - first) // 2
+    i = [first - side, first, last, last + side]
     t, v = t[i], u[i]
     left, right = (v[1] - v[0]) / (t[1] - t[0]), (v[3] - v[2]) / (t[3] - t[2])
     at = float(np.clip((v[2] - v[1] + left * t[1] - right * t[2]) / (left - right), t[1], t[2]))

@@ -1,4 +1,4 @@
-"""What a refinement of the mesh leaves behind: its rounds, and an account of the control's error."""
+"""What a refinement of the mesh leaves behind: its rounds, an account of the control's error."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Round:
 
     nodes: Array
     """(N+1,) times."""
-    success: bool
+    substeps: int
     cost: float
     """Of the nonlinear program, in the file's sense."""
     resimulated_cost: float
@@ -24,7 +24,8 @@ class Round:
     gap: float
     """Largest distance of the re-simulated states, over their size."""
     violation: float
-    """Largest violation of any condition between the nodes, over its size."""
+    """Largest violation of any condition between the nodes, or at the end by the re-simulated
+    states, over its size."""
     change: float
     """Largest change of û since the round before, outside jumps, over the control's range; NaN in
     the first."""
@@ -48,8 +49,8 @@ class Account:
     """Largest distance from a bound where û is at it."""
     jumps: float
     """L² norm of û minus a step, over all jumps."""
-    left_out: float
-    """Part of the horizon that the jumps take, left out above."""
+    left_out: tuple[tuple[float, float], ...]
+    """Times around the jumps, left out above: of this answer and of those it is compared with."""
     saturation: float
     """Of the generating function: what no mesh removes."""
     approximation: float
@@ -62,7 +63,7 @@ class Account:
 
     @property
     def control(self) -> float:
-        """One figure: the estimated error of û in the uniform norm, outside jumps, over its range."""
+        """One figure: the estimated error of û outside jumps, over its range."""
         return max(self.meshes, self.substeps, self.bounds)
 
 

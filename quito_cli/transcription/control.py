@@ -6,9 +6,9 @@ A mesh is any increasing t_0 < … < t_N; s(t) is a map with s(t_k) = k, and
 
 Because s is an index, the weights know nothing of the step sizes: they are the same on every mesh,
 and the partition of unity holds on graded ones too. The ghost nodes p beyond each end keep the sum
-full at the edges. On a mesh of equal steps s(t) is linear; on a graded one it is the monotone cubic
-of `Mesh.index_slopes`, for a piecewise linear s would put a corner into û wherever the step changes.
-A point is named by its cell and its offset in [0, 1] within it, so that both
+full at the edges. On equal steps s(t) is linear; on a graded mesh it is the monotone cubic of
+`Mesh.index_slopes`, for a piecewise linear s would put a corner into û wherever the step changes. A
+point is named by its cell and its offset in [0, 1] within it, so that both
 limits at a node can be asked for: (k, 1) is the limit from the left, (k+1, 0) the one from the
 right; they differ for cellwise functions only. `normalised=False` gives the paper's sum as printed,
 D^(−1/2) Σ_m c_m ψ((s−m)/√D).
@@ -20,13 +20,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.transcription.generating import GHOST_REACH, GeneratingFunction, reach
+from quito_cli.transcription.mesh import Mesh
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -98,6 +99,11 @@ class ControlBasis:
     nodes have none either: explicit Euler never looks at the end."""
     index_slopes: Array | None = field(default=None, compare=False, repr=False)
     """(N, 2) slopes of s(t) at both ends of each cell, in cells; None where s is linear in each."""
+
+    def on(self, mesh: Mesh) -> ControlBasis:
+        """Return the same functions on the cells of a mesh: smooth ones follow its grading."""
+        slopes = mesh.index_slopes if self.function.scaled else None
+        return replace(self, cells=mesh.cells, index_slopes=slopes)
 
     @property
     def ghosts(self) -> int:
@@ -175,7 +181,7 @@ class ControlBasis:
         return np.clip(m - first, 0, self.count - 1), weights
 
     def _index_offsets(self, cells: Indices, offsets: Array) -> Array:
-        """Return s − k at points of cells k: the cubic through (0, 0) and (1, 1) of their slopes."""
+        """Return s − k at points of cells k: the cubic from 0 to 1 with their slopes."""
         if self.index_slopes is None:
             return offsets
         first, last = self.index_slopes[cells].T
