@@ -16,6 +16,7 @@ from numpy.polynomial import Legendre, Polynomial
 from numpy.typing import NDArray
 
 import quito_cli as quito
+from quito_cli.check import check
 from quito_cli.cli.report import print_solution
 from quito_cli.problem.load import load_text
 from quito_cli.problem.model import Model
@@ -189,9 +190,13 @@ def test_derivatives_are_those_of_casadi(problem: str, method: Collocation, mode
     assert a.jacobian.nnz_out(1) <= 1.3 * expressions[1].nnz()
 
 
+def with_roots(roots: Array) -> Any:
+    return Polynomial.fromroots(roots) if len(roots) else Polynomial([1.0])
+
+
 def lagrange_slopes(nodes: Array) -> Array:
     """Derivatives at the nodes of the polynomials that are one at a node and zero at others."""
-    rows = [Polynomial.fromroots(np.delete(nodes, j)) for j in range(len(nodes))]
+    rows = [with_roots(np.delete(nodes, j)) for j in range(len(nodes))]
     return np.array([(p / p(c)).deriv()(nodes) for p, c in zip(rows, nodes, strict=True)]).T
 
 
@@ -207,14 +212,14 @@ def test_values_are_those_of_a_plain_loop(
     both = Legendre.basis(D) + Legendre.basis(D - 1)
     tau = np.sort(both.roots().real)
     slopes = lagrange_slopes(np.append((1 + tau) / 2, 1))
-    inside = [Polynomial.fromroots(np.delete(tau, j)) for j in range(D)]
+    inside = [with_roots(np.delete(tau, j)) for j in range(D)]
     shares = np.array(
         [(p.integ()(1) - p.integ()(-1)) / p(c) / 2 for p, c in zip(inside, tau, strict=True)]
     )
     t0, tf = layout.times(physical, given)
     p, nodes = layout.parameters(physical), layout.states(physical)
     u = layout.coefficient_table(physical).reshape(method.mesh.cells, D, -1)
-    own = physical[layout.first_own : layout.first_coefficient].reshape(-1, D - 1, given.n_x)
+    own = physical[layout.first_own : layout.first_coefficient].reshape(len(u), D - 1, given.n_x)
     total, integrals, found = 0.0, np.zeros(2), []
     path: dict[str, list[Array]] = {c.name: [] for c in given.constraints.path}
     for k, (a, b) in enumerate(itertools.pairwise(t0 + (tf - t0) * method.mesh.fractions)):
@@ -505,6 +510,15 @@ def test_two_quadratic_programs_solvers_agree(lq: str, solve: Solve) -> None:
     assert one.costate(t) == pytest.approx(other.costate(t), abs=1e-6)
 
 
+def test_what_is_no_quadratic_program_is_named(lq: str) -> None:
+    text = lq.replace("u^2)", "u^4)")
+    with pytest.raises(quito.UsageError, match=r"cost\.lagrange is not quadratic"):
+        quito.solve(load_text(text, "test.yaml"), **lgr(1, 1, solver="piqp"))
+    text = lq.replace("dynamics: {x: u}", "dynamics: {x: u - x^2}")
+    with pytest.raises(quito.UsageError, match=r"the dynamics of x is not linear"):
+        quito.solve(load_text(text, "test.yaml"), **lgr(2, 3, solver="piqp"))
+
+
 # The evidence
 
 
@@ -519,20 +533,23 @@ def test_the_ringing_of_a_singular_arc_is_told(solve: Solve) -> None:
     assert found.evidence.ringing[0] > 1e4
     assert found.evidence.total_variation[0] > 20
     said = " ".join(found.evidence.warnings)
-    assert "collocation rings at jumps and on singular arcs" in said
+    assert "collocation does at jumps and on singular arcs" in said
     assert "--degree" in said
     assert "--substeps" not in said
 
 
-def test_one_interval_is_judged_between_its_points(solve: Solve) -> None:
-    """Twenty points around a jump: the polynomial leaves the bounds that its values keep."""
-    found = solve("van_der_pol", **lgr(1, 20))
+@pytest.mark.parametrize(("steps", "degree"), [(1, 20), (100, 4)])
+def test_it_is_judged_between_its_points(steps: int, degree: int, solve: Solve) -> None:
+    """Around a jump the polynomials leave the bounds that their values keep."""
+    found = solve("van_der_pol", **lgr(steps, degree))
     assert np.abs(found.coefficients).max() < 1 + 1e-6
-    t = np.linspace(0, 4, 5001)
-    outside = float(np.abs(found.control(t)).max()) - 1
+    u = found.control(np.linspace(0, 4, 100_003))[:, 0]
+    outside = float(np.abs(u).max()) - 1
     assert outside > 0.05
     told = [v.amount for v in found.evidence.violations if v.constraint.startswith("u")]
-    assert max(told) == pytest.approx(outside, rel=0.1)
+    assert max(told) == pytest.approx(outside, rel=0.05)
+    moves = np.abs(np.diff(u)).sum()
+    assert found.evidence.total_variation[0] == pytest.approx(moves, rel=0.01)
 
 
 def test_an_infeasible_problem_says_what_fails(solve: Solve) -> None:
@@ -607,6 +624,14 @@ def test_the_summary_says_what_it_is(solve: Solve, capsys: pytest.CaptureFixture
     assert "method collocation at 6 Legendre-Gauss-Radau points in each of 5 cells" in said
     assert "degree 6" in said
     assert "variance" not in said
+
+
+def test_few_cells_are_no_reason_to_warn(lq: str) -> None:
+    """They are too few for bumps, not for polynomials."""
+    few = {"": 1, "discretization: lgr, ": 0}
+    for option, warnings in few.items():
+        text = f"{lq}options: {{{option}steps: 2}}\n"
+        assert len(check(load_text(text, "test.yaml"))) == warnings
 
 
 def test_a_file_may_not_ask_for_dense_blocks_without_end() -> None:

@@ -123,6 +123,7 @@ def judge(row: Row, printed: str, code: int) -> None:
     answer = json.loads(printed)
     numbers: dict[str, Callable[[], list[float]]] = {
         "difference": lambda: [answer["cost"] - answer["reference_cost"]],
+        "re-simulated": lambda: [answer["resimulated_cost"] - answer["reference_cost"]],
         "cost": lambda: [answer["cost"]],
         "iterations": lambda: [answer["iterations"]],
         "violation": lambda: [answer["maximum_violation"]],
@@ -130,7 +131,13 @@ def judge(row: Row, printed: str, code: int) -> None:
         "total variation": lambda: list(answer["total_variation"].values()),
         "ringing index": lambda: list(answer["ringing"].values()),
     }
-    factors = {"difference": 1.5, "iterations": 1.6, "violation": 3.0, "ringing index": 10.0}
+    factors = {
+        "difference": 1.5,
+        "re-simulated": 2.0,
+        "iterations": 1.6,
+        "violation": 3.0,
+        "ringing index": 10.0,
+    }
     assert code == (1 if row.figures.get("outcome") == "not solved" else 0), row.command
     for column, shown in row.figures.items():
         if column == "outcome":

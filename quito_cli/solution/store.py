@@ -2,9 +2,10 @@
 
     problem        the YAML text, its SHA-256, resolved options, bounds
     trajectory     at the nodes: time, state, control, costate
-    interpolation  what makes states a function of time: ends of substeps, slopes
+    interpolation  what makes states a function of time: ends of substeps, slopes; or the points of
+                   a collocation, its degree, and the costates there
     dense          state, control and reference on a fine uniform grid
-    control        coefficients of û, generating function, variance, mesh
+    control        coefficients of û, generating function and variance, or degree; mesh
     multipliers    of the nonlinear program's rows, by block
     iterations     objective, infeasibilities, barrier parameter
     statistics     cost, counts, times, and every figure of the evidence

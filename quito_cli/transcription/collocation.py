@@ -50,6 +50,8 @@ FINE_POINTS = 4
 """Points from a collocation point to the next on the grid that violations are looked for on."""
 FINE_IN_A_CELL = 10
 """Points a cell on that grid, at least."""
+JUST_BEFORE = 1e-9
+"""How far before a node it is looked at what comes to an end there, in cells."""
 
 
 @dataclass(frozen=True)
@@ -87,10 +89,11 @@ class Collocation:
 
     @property
     def fine(self) -> Array:
-        """As many offsets from every point to the next."""
+        """As many offsets from every point to the next, and the end, where the control may jump."""
         many = max(FINE_POINTS, -(-FINE_IN_A_CELL // self.degree))
         parts = np.arange(many) / many
-        return np.asarray((self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * parts).ravel())
+        gaps = self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * parts
+        return np.append(gaps, 1 - JUST_BEFORE)
 
     @property
     def resolved(self) -> tuple[Array, int]:
@@ -125,8 +128,8 @@ class Collocation:
     def calmer(self) -> str:
         """What is known to help where the control rings."""
         return (
-            "collocation rings at jumps and on singular arcs; another --discretization, such as "
-            "the default, does not, and more --steps of a lower --degree ring less far"
+            "collocation does at jumps and on singular arcs; try another --discretization, such as "
+            "the default, or more --steps of a lower --degree"
         )
 
     def layout(self, model: Model) -> Layout:
