@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from quito_cli.on_mesh import control_basis, control_warning
 from quito_cli.problem.build import build
 from quito_cli.problem.idle import idle
 from quito_cli.problem.model import Constraint, Model, labels
@@ -21,7 +22,7 @@ from quito_cli.problem.options import COLLOCATION
 from quito_cli.problem.schema import Problem
 from quito_cli.problem.text.complaints import Complaint, Path
 from quito_cli.solution.violations import Dense, beyond_tables
-from quito_cli.solve import Options, control_basis, control_warning
+from quito_cli.solve import Options
 from quito_cli.transcription.guess import Guess, make_guess
 from quito_cli.transcription.mesh import Mesh
 
@@ -189,7 +190,7 @@ def _discretization(model: Model, options: Options) -> Iterator[Complaint]:
     """Cells too few, or a variance too small, for the control of the file's options."""
     if options.discretization == COLLOCATION:
         return
-    basis = control_basis(options)
+    basis = control_basis(options, options.steps)
     if not basis.function.scaled or not model.n_u:
         return
     least = 8 * np.sqrt(basis.variance)

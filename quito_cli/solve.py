@@ -16,11 +16,7 @@ if TYPE_CHECKING:
     from quito_cli.problem.options import CommonOptions
     from quito_cli.problem.schema import Problem
     from quito_cli.solution.solution import Solution
-    from quito_cli.solvers import Residuals
-    from quito_cli.solvers.outcome import Listener, Outcome
-    from quito_cli.transcription.control import Basis, ControlBasis
-    from quito_cli.transcription.method import Method
-    from quito_cli.transcription.transcribe import Nlp
+    from quito_cli.solvers.outcome import Listener
 
 
 @dataclass(frozen=True)
@@ -35,6 +31,11 @@ class Options:
     discretization: str = "rk4"
     substeps: int = 2
     degree: int = 4
+    mesh: str = "uniform"
+    mesh_steps: int = 100
+    mesh_tolerance: float = 1e-3
+    mesh_iterations: int = 8
+    mesh_limit: int | None = None
     tolerance: float = 1e-9
     max_iterations: int = 1000
     solver: str = "ipopt"
@@ -80,7 +81,34 @@ class Options:
                     f"{name.replace('_', '-')} belongs to quasi-interpolants; a {control} control "
                     "has none: leave it out"
                 )
-        return replace(cls(), **wanted)
+        return replace(cls(), **wanted)._meshed(asked)
+
+    def _meshed(self, asked: Mapping[str, Any]) -> Options:
+        """Return the options with the cells that an adaptive mesh starts from.
+
+        Raises:
+            UsageError: what belongs to adaptive meshes is asked of a uniform one, or the limit is
+                less than the cells to start from.
+        """
+        if self.mesh == "uniform":
+            for name in ADAPTIVE_ONLY:
+                if name in asked:
+                    raise UsageError(
+                        f"{name.replace('_', '-')} belongs to adaptive meshes: add --mesh adaptive"
+                    )
+            return self
+        found = self if "steps" in asked else replace(self, steps=self.mesh_steps)
+        if found.most_cells < found.steps:
+            raise UsageError(
+                f"a mesh-limit of {found.mesh_limit} cells does not hold the {found.steps} that "
+                "refinement starts from: raise it, or take fewer --steps"
+            )
+        return found
+
+    @property
+    def most_cells(self) -> int:
+        """Cells that refinement may come to: twice as many as it starts from, unless it is said."""
+        return self.mesh_limit or 2 * self.steps
 
     @property
     def record(self) -> dict[str, Any]:
@@ -94,16 +122,10 @@ MOST_OF_A_FILE = 1_000_000
 """Variables times substeps that a file may ask for by itself."""
 DENSE_POINTS = 20
 """Points of a collocation that depend on one another as much as a step costs."""
-RESCALINGS = 2
-"""Solves that may follow because the guess misjudged the size of the cost."""
+ADAPTIVE_ONLY = ("mesh_steps", "mesh_tolerance", "mesh_iterations", "mesh_limit")
+"""Options that mean nothing to a uniform mesh."""
 QUASI_INTERPOLANT_ONLY = ("variance", "generating_function", "normalised")
 """Options that mean nothing to the classical controls."""
-MESH_TOLERANCE = 1e-3
-"""Error of the control, relative to its range, that a mesh is expected to reach."""
-SATURATION_LIMIT = MESH_TOLERANCE / 10
-"""Saturation of the control, relative to its range, above which there is a warning."""
-CLASSICAL_CONTROLS = {"piecewise-constant": "box", "piecewise-linear": "hat"}
-"""Controls that are a generating function of their own."""
 
 
 def solve(
@@ -129,11 +151,14 @@ def solve(
         ProblemError: mistakes in the problem file, all of them told.
     """
     import casadi  # noqa: F401 - before the clock starts
+    import numpy as np
 
+    from quito_cli.on_mesh import Task, method_on
     from quito_cli.problem.build import build
     from quito_cli.problem.load import changed, load
-    from quito_cli.solution.extract import extract
+    from quito_cli.refinement.refine import Limits, refine
     from quito_cli.solution.follow import guided
+    from quito_cli.transcription.mesh import Mesh
 
     if isinstance(problem, str | Path):
         problem = load(problem)
@@ -147,78 +172,22 @@ def solve(
         model = guided(model, earlier)
     _refuse_too_large(model, chosen, bool({"steps", "degree"} & given))
     _refuse_warm_start(chosen, earlier, problem)
-    method = _method(model, chosen)
-    built = time.perf_counter() - started
-    nlp, outcome, residuals, transcribed = _minimised(
-        model, method, chosen, earlier if chosen.warm_start else None, listener
+    points = np.array([point.at for point in model.constraints.point], dtype=float)
+    mesh = Mesh.through(chosen.steps, points)
+    task = Task(problem, model, chosen, chosen.tolerance, chosen.max_iterations, listener)
+    built, warm = time.perf_counter() - started, earlier if chosen.warm_start else None
+    if chosen.mesh == "uniform":
+        return task.on(mesh, warm, built)
+    return refine(
+        model,
+        lambda mesh, substeps, last: (
+            task.on(mesh, warm, built) if last is None else task.again(mesh, substeps, last)
+        ),
+        mesh,
+        chosen.substeps,
+        method_on(chosen, mesh).order,
+        Limits(chosen.mesh_tolerance, chosen.mesh_iterations, chosen.most_cells, points),
     )
-    built += transcribed
-    doubt = control_warning(model, method.basis)
-    nlp = replace(nlp, notes=nlp.notes + ((doubt,) if doubt else ()))
-    return extract(problem, nlp, outcome, residuals, chosen.record, built)
-
-
-def _method(model: Model, options: Options) -> Method:
-    """Return what the options make the problem finite with.
-
-    Raises:
-        UsageError: too few cells for the points of the problem, or too small a variance.
-    """
-    import numpy as np
-
-    from quito_cli.problem.options import COLLOCATION
-    from quito_cli.transcription.cells import Discretization
-    from quito_cli.transcription.collocation import Collocation
-    from quito_cli.transcription.mesh import Mesh
-    from quito_cli.transcription.schemes import scheme
-
-    points = [constraint.at for constraint in model.constraints.point]
-    mesh = Mesh.through(options.steps, np.array(points, dtype=float))
-    if options.discretization == COLLOCATION:
-        return Collocation(mesh, options.degree)
-    rows = scheme(options.discretization)
-    return Discretization(mesh, control_basis(options), rows, options.substeps)
-
-
-def _minimised(
-    model: Model,
-    method: Method,
-    options: Options,
-    warm: Solution | None,
-    listener: Listener | None,
-) -> tuple[Nlp, Outcome, Residuals, float]:
-    """Return program, answer, residuals and the seconds of transcription.
-
-    An earlier answer to start from `warm` gives its multipliers, too. Where the guess was so costly
-    that its scale makes the objective count for nothing, it is solved again from the answer, with
-    the scale that the cost found calls for.
-    """
-    from quito_cli.solution.follow import resumed
-    from quito_cli.solvers import Status, minimise
-    from quito_cli.transcription.transcribe import FAR_TOO_SMALL, transcribe, wanted_scale
-
-    started = time.perf_counter()
-    nlp = transcribe(model, method, options.objective_scale, options.path_points)
-    nlp, start = (nlp, None) if warm is None else resumed(nlp, warm)
-    seconds = time.perf_counter() - started
-    settings = (
-        options.solver,
-        options.tolerance,
-        options.max_iterations,
-        options.solver_options,
-        listener,
-    )
-    outcome, residuals = minimise(nlp, *settings, start)
-    for _ in range(RESCALINGS if options.objective_scale is None else 0):
-        scale = wanted_scale(residuals.cost)
-        if nlp.objective_scale > FAR_TOO_SMALL * scale or outcome.status is Status.INTERRUPTED:
-            break
-        before, started = outcome, time.perf_counter()
-        nlp = replace(transcribe(model, method, scale, options.path_points), guess=outcome.w)
-        seconds += time.perf_counter() - started
-        outcome, residuals = minimise(nlp, *settings, None)
-        outcome = outcome.following(before)
-    return nlp, outcome, residuals, seconds
 
 
 def _refuse_warm_start(options: Options, earlier: Solution | None, problem: Problem) -> None:
@@ -267,46 +236,6 @@ def _earlier(guess: str | Path | Solution | None) -> tuple[Solution | None, str 
         return guess, guess.origin.name
     refuse_problem(guess, "start from")
     return Solution.load(guess), str(guess)
-
-
-def control_basis(options: Options) -> ControlBasis:
-    """Return the control's functions on `options.steps` cells.
-
-    Where the scheme looks at û in too few points, ghosts that none of them could determine are left
-    out.
-
-    Raises:
-        UsageError: a variance too small for the generating function.
-    """
-    from quito_cli.transcription.cells import points_seen
-    from quito_cli.transcription.control import ControlBasis
-    from quito_cli.transcription.generating import (
-        GENERATING_FUNCTIONS,
-        check_variance,
-        generating_function,
-    )
-    from quito_cli.transcription.schemes import scheme
-
-    classical = CLASSICAL_CONTROLS.get(options.control)
-    if classical is not None:
-        return ControlBasis(GENERATING_FUNCTIONS[classical], options.steps, 1.0, True)
-    row = generating_function(options.generating_function)
-    check_variance(row, options.variance)
-    basis = ControlBasis(row, options.steps, options.variance, options.normalised)
-    seen = points_seen(scheme(options.discretization), options.substeps, options.steps)
-    most = max(-1 if options.steps > 2 else 0, (seen - options.steps - 1) // 2)
-    return basis if basis.ghosts <= most else replace(basis, most_ghosts=most)
-
-
-def control_warning(model: Model, basis: Basis) -> str | None:
-    """Return what there is to say against a control's generating function and variance."""
-    from quito_cli.transcription.control import ControlBasis
-    from quito_cli.transcription.qualities import saturation_warning
-
-    if not isinstance(basis, ControlBasis):
-        return None
-    bounds = model.control_bounds
-    return saturation_warning(basis, bounds.lower, bounds.upper, SATURATION_LIMIT)
 
 
 def _checked(given: Mapping[str, Any]) -> dict[str, Any]:

@@ -20,9 +20,10 @@ from scipy.optimize import brentq
 
 import quito_cli as quito
 from quito_cli.cli.app import main
+from quito_cli.on_mesh import SATURATION_LIMIT
 from quito_cli.plots.generating import figure
 from quito_cli.problem.load import load_text
-from quito_cli.solve import MESH_TOLERANCE, SATURATION_LIMIT
+from quito_cli.solve import Options
 from quito_cli.transcription.control import ControlBasis
 from quito_cli.transcription.generating import GENERATING_FUNCTIONS
 from quito_cli.transcription.qualities import (
@@ -253,7 +254,7 @@ def warnings_of(solution: quito.Solution) -> list[str]:
 
 
 def test_a_tenth_of_the_mesh_tolerance() -> None:
-    assert MESH_TOLERANCE / 10 == SATURATION_LIMIT
+    assert Options.mesh_tolerance / 10 == SATURATION_LIMIT
 
 
 @pytest.mark.parametrize("name", SIX)

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from quito_cli.errors import UsageError
-from quito_cli.solve import MESH_TOLERANCE, SATURATION_LIMIT, Options
+from quito_cli.on_mesh import SATURATION_LIMIT
+from quito_cli.solve import Options
 
 if TYPE_CHECKING:
     from quito_cli.transcription.qualities import Qualities
@@ -152,7 +153,7 @@ def _explained(options: Options) -> str:
             ("width", "of a jump, from 10 % to 90 % of its height, in cells"),
             ("least", "smallest D taken: below it the sum of weights falls under 1/2"),
             ("enough", f"smallest D without a warning: saturation at most {SATURATION_LIMIT:g},"),
-            ("", f"a tenth of the error of {MESH_TOLERANCE:g} expected of a mesh"),
+            ("", f"a tenth of the error of {Options.mesh_tolerance:g} expected of a mesh"),
         ],
         indent="",
     )

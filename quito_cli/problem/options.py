@@ -130,6 +130,17 @@ class CommonOptions(BaseModel):
     """Steps of the scheme in each control cell."""
     degree: Annotated[int | None, Field(ge=1, strict=True)] = None
     """Degree of the states' polynomials, and points, in each cell of a collocation."""
+    mesh: Literal["uniform", "adaptive"] | None = None
+    """Equal cells, or cells that follow the control: small at its jumps and kinks."""
+    mesh_steps: Annotated[int | None, Field(ge=4, le=200, strict=True)] = None
+    """Cells that an adaptive mesh starts from."""
+    mesh_tolerance: Annotated[float | None, Field(ge=1e-5, le=0.1)] = None
+    """Change of the control from mesh to mesh, outside its jumps and relative to its range, at
+    which refinement ends."""
+    mesh_iterations: Annotated[int | None, Field(ge=1, le=30, strict=True)] = None
+    """Meshes that are tried at most."""
+    mesh_limit: Annotated[int | None, Field(ge=4, le=100_000, strict=True)] = None
+    """Cells that an adaptive mesh may come to; by default twice those it starts from."""
     tolerance: Annotated[float | None, Field(gt=0, le=1e-3)] = None
     """Tolerance of the solver on the scaled first-order conditions."""
     max_iterations: Annotated[int | None, Field(ge=0, strict=True)] = None
@@ -241,6 +252,8 @@ class FileOptions(CommonOptions):
     """Number N of control cells."""
     variance: Annotated[float | None, Field(gt=0, le=100)] = None
     """Shape parameter D of the generating function: larger is smoother."""
+    mesh_limit: Annotated[int | None, Field(ge=4, le=20_000, strict=True)] = None
+    """Cells that an adaptive mesh may come to; by default twice those it starts from."""
     substeps: Annotated[int | None, Field(ge=1, le=20, strict=True)] = None
     """Steps of the scheme in each control cell."""
     degree: Annotated[int | None, Field(ge=1, le=200, strict=True)] = None

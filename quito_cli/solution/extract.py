@@ -13,6 +13,7 @@ from quito_cli.problem.model import Bounds, Known, Model, Variable, labels, unit
 from quito_cli.problem.schema import Problem
 from quito_cli.problem.shapes import View
 from quito_cli.solution.evidence import Answer, evidence
+from quito_cli.solution.junctions import junctions
 from quito_cli.solution.resimulation import Control
 from quito_cli.solution.solution import (
     Drawing,
@@ -88,7 +89,12 @@ def extract(
         dense,
         _reference(model, dense),
     )
-    return replace(solution, drawings=_drawings(model, solution), adjoint=adjoint)
+    return replace(
+        solution,
+        drawings=_drawings(model, solution),
+        adjoint=adjoint,
+        junctions=junctions(method.basis, method.mesh, solution.coefficients, answer.times),
+    )
 
 
 def _answer(nlp: Nlp, outcome: Outcome) -> Answer:

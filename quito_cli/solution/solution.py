@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from quito_cli.problem.shapes import Ball, Block
+from quito_cli.solution.junctions import Junction
+from quito_cli.solution.rounds import Refinement
 from quito_cli.solution.trajectory import Curve
 from quito_cli.solution.violations import Violation
 from quito_cli.solvers.outcome import Status
@@ -176,6 +178,10 @@ class Solution:
     """The plots the file asks for."""
     adjoint: Curve | None = None
     """Costates at all collocation points and in between; None where the nodes are all there is."""
+    junctions: tuple[Junction, ...] = ()
+    """Jumps and kinks of the controls, by time."""
+    refinement: Refinement | None = None
+    """How the mesh was found; None of a uniform one."""
 
     def __post_init__(self) -> None:
         curves = [vars(curve).values() for curve in (self.trajectory, self.adjoint) if curve]
@@ -191,6 +197,17 @@ class Solution:
     def success(self) -> bool:
         """Whether the recomputed residuals are within ten times the tolerance."""
         return self.status is Status.SOLVED
+
+    @property
+    def switching_times(self) -> tuple[float, ...]:
+        """Times of all jumps and kinks, each once."""
+        found: list[float] = []
+        ends: list[float] = []
+        for junction in self.junctions:
+            if not found or junction.time - junction.uncertainty > ends[-1]:
+                found.append(junction.time)
+                ends.append(junction.time + junction.uncertainty)
+        return tuple(found)
 
     @property
     def mesh(self) -> Mesh:

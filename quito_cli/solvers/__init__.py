@@ -28,6 +28,7 @@ __all__ = [
     "Start",
     "Status",
     "backend",
+    "judged",
     "judged_at",
     "minimise",
     "start_at",
@@ -69,7 +70,7 @@ def minimise(
     _check(row, nlp, start)
     outcome = _solved(nlp, Request(row, tolerance, max_iterations, options, listener), start)
     found = residuals(nlp, outcome)
-    return replace(outcome, status=_judge(outcome.status, found, judged_at(row, tolerance))), found
+    return judged(outcome, found, tolerance), found
 
 
 def judged_at(row: Backend, tolerance: float) -> float:
@@ -149,10 +150,12 @@ def _undefined(program: Program, row: Backend) -> Outcome:
     return Outcome(Status.NOT_FINITE, program.guess, *zeros, 0, {}, 0.0, 0.0, said, row.name)
 
 
-def _judge(said: Status, found: Residuals, tolerance: float) -> Status:
-    """Return the status that the residuals allow."""
-    if said is Status.INTERRUPTED:
-        return said
-    if found.largest <= JUDGED_AT * tolerance:
-        return Status.SOLVED
-    return Status.INACCURATE if said is Status.SOLVED else said
+def judged(outcome: Outcome, found: Residuals, tolerance: float) -> Outcome:
+    """Return the outcome with the status that the residuals allow at a tolerance."""
+    if outcome.status is Status.INTERRUPTED:
+        return outcome
+    if found.largest <= JUDGED_AT * judged_at(SOLVERS[outcome.solver], tolerance):
+        return replace(outcome, status=Status.SOLVED)
+    return (
+        replace(outcome, status=Status.INACCURATE) if outcome.status is Status.SOLVED else outcome
+    )

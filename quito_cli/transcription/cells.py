@@ -94,6 +94,11 @@ class Discretization:
         return self.mesh
 
     @property
+    def order(self) -> int:
+        """That of the scheme."""
+        return self.scheme.order
+
+    @property
     def finer(self) -> str:
         """The options that refine it."""
         return "--steps or --substeps"

@@ -115,6 +115,11 @@ class Collocation:
         return Mesh(np.append(_fractions(self.mesh, self.offsets), 1.0))
 
     @property
+    def order(self) -> int:
+        """That of Gauss-Radau quadrature at the ends of the cells."""
+        return 2 * self.degree - 1
+
+    @property
     def finer(self) -> str:
         """The options that refine it."""
         return "--steps, or a higher --degree where the answer is smooth"

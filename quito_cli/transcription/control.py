@@ -1,12 +1,14 @@
 """The control as a quasi-interpolant in index space (DESIGN of quito: section 3.1).
 
-A mesh is any increasing t_0 < … < t_N; s(t) is the piecewise linear map with s(t_k) = k, and
+A mesh is any increasing t_0 < … < t_N; s(t) is a map with s(t_k) = k, and
 
     û(t) = Σ_m c_m w_m(s(t)),   w_m(s) = ψ((s−m)/√D) / Σ_j ψ((s−j)/√D),   m = −p … N+p.
 
 Because s is an index, the weights know nothing of the step sizes: they are the same on every mesh,
 and the partition of unity holds on graded ones too. The ghost nodes p beyond each end keep the sum
-full at the edges. A point is named by its cell and its offset in [0, 1] within it, so that both
+full at the edges. On equal steps s(t) is linear; on a graded mesh it is the monotone cubic of
+`Mesh.index_slopes`, for a piecewise linear s would put a corner into û wherever the step changes. A
+point is named by its cell and its offset in [0, 1] within it, so that both
 limits at a node can be asked for: (k, 1) is the limit from the left, (k+1, 0) the one from the
 right; they differ for cellwise functions only. `normalised=False` gives the paper's sum as printed,
 D^(−1/2) Σ_m c_m ψ((s−m)/√D).
@@ -18,13 +20,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.transcription.generating import GHOST_REACH, GeneratingFunction, reach
+from quito_cli.transcription.mesh import Mesh
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -94,6 +97,13 @@ class ControlBasis:
     most_ghosts: int | None = None
     """Ghosts at most; None where û is looked at more often than it has coefficients. At −1 the end
     nodes have none either: explicit Euler never looks at the end."""
+    index_slopes: Array | None = field(default=None, compare=False, repr=False)
+    """(N, 2) slopes of s(t) at both ends of each cell, in cells; None where s is linear in each."""
+
+    def on(self, mesh: Mesh) -> ControlBasis:
+        """Return the same functions on the cells of a mesh: smooth ones follow its grading."""
+        slopes = mesh.index_slopes if self.function.scaled else None
+        return replace(self, cells=mesh.cells, index_slopes=slopes)
 
     @property
     def ghosts(self) -> int:
@@ -162,12 +172,23 @@ class ControlBasis:
         else:  # cut by cell: within one, û is as smooth as ψ, and integrators see no jump
             half = math.ceil(reach(self.function.name) * root)
             window = np.arange(1 - half, half + 1)
-            distance, m = offsets[:, None] - window, cells[:, None] + window
+            places = self._index_offsets(cells, offsets)
+            distance, m = places[:, None] - window, cells[:, None] + window
         first = -self.ghosts
         known = (m >= first) & (m < first + self.count)
         weights = np.where(known, self.function.value(distance / root), 0.0)
         weights /= weights.sum(axis=1, keepdims=True) if self.normalised else root
         return np.clip(m - first, 0, self.count - 1), weights
+
+    def _index_offsets(self, cells: Indices, offsets: Array) -> Array:
+        """Return s − k at points of cells k: the cubic from 0 to 1 with their slopes."""
+        if self.index_slopes is None:
+            return offsets
+        first, last = self.index_slopes[cells].T
+        rest = 1 - offsets
+        return np.asarray(
+            offsets**2 * (3 - 2 * offsets) + offsets * rest * (first * rest - last * offsets)
+        )
 
     def evaluate(self, coefficients: Array, cells: Indices, offsets: Array) -> Array:
         """Return û at points, (points, n_u), from coefficients (count, n_u)."""

@@ -63,6 +63,22 @@ class Mesh:
         """(N,) lengths of the cells as fractions of the horizon."""
         return np.diff(self.fractions)
 
+    @property
+    def index_slopes(self) -> Array | None:
+        """(N, 2) slopes ds/dt at both ends of each cell times its length; None for equal steps.
+
+        s(t) is the monotone cubic interpolant of Fritsch and Butland (*SIAM J. Sci. Stat. Comput.*
+        5, 1984): the slope at a node is a harmonic mean of those of its cells, with the weights of
+        Brodlie; at the ends it is that of the end cell.
+        """
+        h = self.steps
+        if np.allclose(h, 1 / self.cells, rtol=1e-6, atol=0):
+            return None
+        left, right = h[:-1], h[1:]
+        inner = 3 * (left + right) / ((2 * right + left) * left + (right + 2 * left) * right)
+        slopes = np.concatenate([[1 / h[0]], inner, [1 / h[-1]]])
+        return np.column_stack([slopes[:-1] * h, slopes[1:] * h])
+
     def locate(self, fractions: Array) -> tuple[Indices, Array]:
         """Return cell and offset of points, (points,) each; nodes belong to the cell they open."""
         cells = np.searchsorted(self.fractions, fractions, side="right") - 1

@@ -94,6 +94,10 @@ class Method(Protocol):
         """Where guesses are asked for, and sizes taken."""
 
     @property
+    def order(self) -> int:
+        """Of the states: in cells of length h they err by h^(order + 1) in each."""
+
+    @property
     def finer(self) -> str:
         """The options that refine it."""
 

@@ -115,7 +115,12 @@ def allowed(row: GeneratingFunction, variance: float) -> bool:
 
 
 def order(row: GeneratingFunction) -> int:
-    """Return the order of the moment condition.
+    """Return the order of the moment condition."""
+    return leading_moment(row)[0]
+
+
+def leading_moment(row: GeneratingFunction) -> tuple[int, float]:
+    """Return the order q of the moment condition and the moment ∫ x^q ψ(x) dx that breaks it.
 
     The trapezoidal rule is exact to rounding: ψ is analytic and decays.
     """
@@ -123,11 +128,11 @@ def order(row: GeneratingFunction) -> int:
     x = np.arange(-60, 60 + step, step)
     psi = row.value(x)
     if abs(step * psi.sum() - 1) > _ZERO:
-        return 0
+        return 0, float(step * psi.sum())
     k = 1
     while abs((x**k * psi).sum()) <= _ZERO * np.abs(x**k * psi).sum():
         k += 1
-    return k
+    return k, float(step * (x**k * psi).sum())
 
 
 def _basis(row: GeneratingFunction, variance: float, normalised: bool) -> tuple[ControlBasis, int]:
