@@ -39,7 +39,8 @@ def compare(
             metavar="METHOD,...",
             help="Methods to solve it by, too: lgr (N/4 intervals of degree 4), lgr:KxD (K "
             "intervals of degree D), hermite-simpson (piecewise linear controls, as DIRCOL), "
-            "piecewise-constant (as MISER and ACADO), or a generating function: gaussian, "
+            "piecewise-constant (as MISER and ACADO), adaptive (ours on a mesh that follows the "
+            "control), or a generating function: gaussian, "
             "laguerre4, laguerre6, hermite10, trigonometric, sech. And self: a finer solve, of "
             "four times the cells, as the truth; so it is where the file has no reference. May be "
             "repeated.",
@@ -75,6 +76,10 @@ def compare(
     substeps: Annotated[
         int | None,
         typer.Option(help=f"Integration steps in each cell. [default: {Options.substeps}]"),
+    ] = None,
+    mesh: Annotated[
+        str | None,
+        typer.Option(help=f"Of our row: uniform or adaptive. [default: {Options.mesh}]"),
     ] = None,
     tolerance: Annotated[
         float | None, typer.Option(help=f"Of the solver. [default: {Options.tolerance:g}]")
@@ -168,6 +173,7 @@ def compare(
         "generating_function": generating_function,
         "discretization": discretization,
         "substeps": substeps,
+        "mesh": mesh,
         "tolerance": tolerance,
         "max_iterations": max_iterations,
         "solver": solver,

@@ -43,7 +43,14 @@ Found = TypeVar("Found")
 
 FINER: Final = 4
 """Cells of the solve that is the truth, for each of ours."""
-OF_OUR_ROW: Final = ("steps", "variance", "generating_function", "discretization", "substeps")
+OF_OUR_ROW: Final = (
+    "steps",
+    "variance",
+    "generating_function",
+    "discretization",
+    "substeps",
+    "mesh",
+)
 """Options that a saved result has settled."""
 
 

@@ -33,6 +33,7 @@ _CLASSICAL: Final[Mapping[str, Settings]] = {
     },
     "piecewise-constant": {"control": "piecewise-constant"},
 }
+_ADAPTIVE: Final = "adaptive"
 _LGR_DEGREE: Final = 4
 _LGR = re.compile(r"lgr:(?P<intervals>[1-9][0-9]{0,6})x(?P<degree>[1-9][0-9]{0,3})")
 _QUASI_INTERPOLANT: Final = "quasi-interpolant:"
@@ -59,6 +60,7 @@ class Described:
 METHODS: Final = (
     Described("lgr", "Legendre-Gauss-Radau collocation on N/4 intervals of degree 4"),
     Described("lgr:KxD", "the same on K intervals of degree D"),
+    Described("adaptive", "ours on a mesh that follows the control"),
     Described("hermite-simpson", "collocation with piecewise linear controls, as DIRCOL has it"),
     Described("piecewise-constant", "multiple shooting as ours, with the controls of MISER, ACADO"),
     *(
@@ -100,6 +102,9 @@ def method(name: str) -> Method:
     if function in get_args(GeneratingFunctionName):
         own = {"control": "quasi-interpolant", "generating_function": function}
         return Method(name, lambda ours: _shooting(ours, (*_OF_SHOOTING, "variance")) | own)
+    if name == _ADAPTIVE:
+        names = tuple(set(_OF_SHOOTING) - {"steps"}) + QUASI_INTERPOLANT_ONLY
+        return Method(name, lambda ours: _shooting(ours, names) | {"mesh": "adaptive"})
     if name == "lgr":
         share = _LGR_DEGREE
         return Method(name, lambda ours: _lgr(ours, control_points(ours) // share, share))
@@ -134,6 +139,8 @@ def name_of(ours: Settings) -> str:
     """Return what a solve with these options is called in a table."""
     if ours["discretization"] == "lgr":
         return f"lgr:{ours['steps']}x{ours['degree']}"
+    if ours.get("mesh") == "adaptive" and ours["control"] == "quasi-interpolant":
+        return _ADAPTIVE
     if ours["control"] == "quasi-interpolant":
         printed = "" if ours["normalised"] else ", as printed"
         return f"{_QUASI_INTERPOLANT}{ours['generating_function']}{printed}"
@@ -156,5 +163,6 @@ def _shooting(ours: Settings, names: tuple[str, ...]) -> dict[str, Any]:
 
 
 def _like(ours: Settings, names: tuple[str, ...]) -> dict[str, Any]:
-    """Return those of our options, where they say something."""
-    return {name: ours[name] for name in names if ours.get(name) not in (None, {})}
+    """Return those of our options, where they say something, for equal cells."""
+    said = {name: ours[name] for name in names if ours.get(name) not in (None, {})}
+    return said | {"mesh": "uniform"}

@@ -18,6 +18,8 @@ FARTHEST = 1 / 7
 """Of the horizon, from the truth's switching time."""
 POINTS = 4001
 """Looked at around it."""
+CLOSER = 1
+"""Times that the neighbourhood of a crossing is looked at by as many points."""
 JUMP = 1e-3
 """Smallest jump, over the span of the control."""
 _BESIDE = 1e-9
@@ -51,9 +53,12 @@ def switching_times(
         window = max(limits[i], time - reach), min(limits[i + 1], time + reach)
         middle = (before[i, control] + after[i, control]) / 2
         rising = after[i, control] > before[i, control]
-        grid = np.linspace(*window, POINTS)
-        values = (answer(grid)[:, control] - middle) * (1 if rising else -1)
-        found.append(_crossing(grid, values, time))
+        for _ in range(1 + CLOSER):
+            grid = np.linspace(*window, POINTS)
+            values = (answer(grid)[:, control] - middle) * (1 if rising else -1)
+            time = _crossing(grid, values, time)
+            window = time - (grid[1] - grid[0]), time + (grid[1] - grid[0])
+        found.append(time)
     return tuple(found)
 
 
