@@ -57,6 +57,8 @@ def switching_times(
             grid = np.linspace(*window, POINTS)
             values = (answer(grid)[:, control] - middle) * (1 if rising else -1)
             time = _crossing(grid, values, time)
+            if np.isnan(time):
+                break
             window = time - (grid[1] - grid[0]), time + (grid[1] - grid[0])
         found.append(time)
     return tuple(found)
