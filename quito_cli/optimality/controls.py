@@ -109,7 +109,8 @@ def controls(system: Pontryagin, probe: Probe) -> Controls:
     coupled = ~probe.zeros(system.curvature)
     coupled |= coupled.T
     kinds = tuple(_kind(system, probe, coupled, i) for i in range(system.model.n_u))
-    among = coupled & np.outer(*[[kind == "regular" for kind in kinds]] * 2)
+    regular = np.array([kind == "regular" for kind in kinds])
+    among = coupled & np.outer(regular, regular)
     return Controls(kinds, tuple(_regular(system, probe, g) for g in _groups(among)))
 
 

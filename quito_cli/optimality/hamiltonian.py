@@ -133,14 +133,17 @@ class Pontryagin:
 
         return ca.jacobian(self.switching, self.model.u)
 
-    def function(self, name: str, outputs: Sequence[ca.SX]) -> ca.Function:
-        """Return the function of `arguments` with these outputs, constants at their values."""
+    def function(self, name: str, outputs: Sequence[ca.SX | None]) -> ca.Function:
+        """Return the function of `arguments` with these outputs, constants at their values.
+
+        An output that there is not, None, is left out.
+        """
         import casadi as ca
 
-        k = self.constants
+        k, given = self.constants, [output for output in outputs if output is not None]
         if not k.names:
-            return ca.Function(name, self.arguments, list(outputs))
-        whole = ca.Function(name, [*self.arguments, k.symbols], list(outputs))
+            return ca.Function(name, self.arguments, given)
+        whole = ca.Function(name, [*self.arguments, k.symbols], given)
         return ca.Function(name, self.arguments, whole.call([*self.arguments, ca.SX(k.values)]))
 
     @cached_property

@@ -8,8 +8,8 @@ For controls that enter H as σᵀu, the flow (x' = f, λ' = −H_x) gives
 repeated until B + A u appears with A not identically zero, tested by numbers. Then u = −B/A is the
 singular feedback. For one control this is an even derivative, of degree 2q, and a minimum needs
 (−1)^q A ≥ 0, the generalised Legendre-Clebsch condition (H. J. Kelley, R. E. Kopp and H. G. Moyer,
-in Topics in Optimization, 1967; H. M. Robbins, IBM J. Res. Dev. 11, 1967). A control of several that
-appears at an odd derivative violates Goh's condition unless its coefficient is zero on the arc.
+in Topics in Optimization, 1967; H. M. Robbins, IBM J. Res. Dev. 11, 1967). One of several controls
+that appears at an odd derivative violates Goh's condition unless its coefficient is zero there.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class Singular:
         """(−1)^q A, (controls, controls): positive semidefinite at a minimum."""
         if self.order is None or self.coefficient is None:
             return None
-        return (-1) ** self.order * self.coefficient
+        return self.coefficient if self.order % 2 == 0 else -self.coefficient
 
     @cached_property
     def functions(self) -> ca.Function:
@@ -77,7 +77,7 @@ class Singular:
         import casadi as ca
 
         surface = ca.vertcat(*(value for row in self.derivatives for value in row))
-        outputs = [self.feedback, self.coefficient, self.remainder, surface]
+        outputs = (self.feedback, self.coefficient, self.remainder, surface)
         return self.system.function("singular", outputs)
 
 
