@@ -211,20 +211,23 @@ class Algebra:
         """Return a sum with brackets that divide all of it taken from its denominators."""
         if len(value) <= 1:
             return value
-        _, common = content(value)
+        common = tuple(
+            (name, e)
+            for name, e in content(value)[1]
+            if name not in self.brackets or all(name in dict(monomial) for monomial in value)
+        )
         inner: Sum = {}
         for monomial, factor in value.items():
             inner = add(inner, self._opened(times(monomial, inverse(common)), factor))
-        left = []
+        taken: Monomial = ONE
         for name, exponent in common:
-            e = exponent
-            while name in self.brackets and e < 0:
+            for _ in range(int(-exponent) if name in self.brackets and exponent < 0 else 0):
                 quotient = divided(inner, self.brackets[name])
                 if quotient is None:
                     break
-                inner, e = quotient, e + 1
-            left.append((name, e))
-        return scaled(inner, 1, tuple(pair for pair in left if pair[1]))
+                inner, taken = quotient, times(taken, ((name, Fraction(1)),))
+        short = taken or len(inner) <= len(value)
+        return scaled(inner, 1, times(common, taken)) if short else value
 
     def fraction(self, above: Sum, below: Sum) -> tuple[Sum, Sum]:
         """Return a quotient in lowest terms, as far as known factors go: (numerator, denominator).

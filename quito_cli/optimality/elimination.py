@@ -39,6 +39,8 @@ class Eliminated:
     """Zero on the arc: a condition on the state, where there is one."""
     feedback: ca.SX
     """The singular controls, (controls, 1)."""
+    clebsch: ca.SX | None
+    """(−1)^q A, as of the arc, with the same costates eliminated."""
     left: tuple[int, ...]
     """Entries of λ that the feedback still depends on; none where the state determines it."""
 
@@ -62,16 +64,17 @@ def eliminated(arc: Singular, probe: Probe) -> Eliminated | None:
         costates, surface = _gauss(system, probe, rows)
         if _degenerate(arc, probe, costates):
             costates, surface = {}, None
-        found = _substituted(system, probe, feedback, costates, surface)
+        found = _substituted(arc, probe, feedback, costates, surface)
         known = known_hamiltonian(system)
         one_left = len(costates) == system.model.n_x - 1
         if known is not None and (found.left or one_left) and surface is None:
             row = _without(system.hamiltonian - known, system.model.u[list(arc.controls)])
             costates, surface = _gauss(system, probe, [*rows, row])
             if not _degenerate(arc, probe, costates):
-                found = _substituted(system, probe, feedback, costates, surface)
+                found = _substituted(arc, probe, feedback, costates, surface)
     except TooLargeError:
-        return Eliminated(system, {}, None, feedback, _depends(system, probe, feedback))
+        left = _depends(system, probe, feedback)
+        return Eliminated(system, {}, None, feedback, arc.clebsch, left)
     return found
 
 
@@ -179,7 +182,7 @@ def _replaced(system: Pontryagin, value: ca.SX, costates: dict[int, ca.SX]) -> c
 
 
 def _substituted(
-    system: Pontryagin,
+    arc: Singular,
     probe: Probe,
     feedback: ca.SX,
     costates: dict[int, ca.SX],
@@ -188,12 +191,14 @@ def _substituted(
     """Put the costates into the feedback; what cancels in it is set to one."""
     import casadi as ca
 
+    system = arc.system
     value = _replaced(system, feedback, costates)
     left = _depends(system, probe, value)
     cancelled = [i for i in range(system.model.n_x) if i not in costates and i not in left]
     if cancelled:
         value = ca.substitute(value, system.costate[cancelled], ca.SX.ones(len(cancelled)))
-    return Eliminated(system, costates, surface, value, left)
+    clebsch = None if arc.clebsch is None else _replaced(system, arc.clebsch, costates)
+    return Eliminated(system, costates, surface, value, clebsch, left)
 
 
 def _depends(system: Pontryagin, probe: Probe, value: ca.SX) -> tuple[int, ...]:

@@ -24,6 +24,9 @@ from quito_cli.problem.schema import Problem
 if TYPE_CHECKING:
     import casadi as ca
 
+LINE = 100
+"""Characters of a fraction that goes on one line."""
+
 
 @dataclass(frozen=True)
 class Attached(Symbol):
@@ -35,8 +38,8 @@ class Attached(Symbol):
 
     def entry(self, index: str) -> Symbol | None:
         """Give the symbol of an entry: the subscript's own index follows it."""
-        below = {"of": self.of + index, "of_latex": f"{self.of_latex}_{{{index}}}"}
-        return replace(self, shape=(), bold=False, **below)
+        latex = f"{{{self.of_latex}}}_{{{index}}}"
+        return replace(self, shape=(), bold=False, of=self.of + index, of_latex=latex)
 
     def _unicode(self) -> str:
         base = super()._unicode()
@@ -59,6 +62,8 @@ class Formulas:
     """A name of the language for each entry of λ."""
     names: tuple[str, ...]
     """Of all arguments and constants, in order."""
+    integrals: tuple[str, ...]
+    """A name of the language for each multiplier ν."""
     end_names: tuple[str, ...]
     """Of the values at both ends, parameters, ω and constants."""
 
@@ -82,6 +87,22 @@ class Formulas:
         """Write entries each as one fraction in lowest terms."""
         return self._written(self.names, self.inputs, expression, together=True)
 
+    def fraction(self, expression: ca.SX) -> tuple[Piece | None, Piece | None]:
+        """Write numerator and denominator of a scalar whose fraction is too long for one line.
+
+        None and None where there is no denominator, or the whole is short, or too long to read.
+        """
+        reader = Reader(self.names)
+        writer = self._writer(reader)
+        try:
+            (value,) = reader.read(self.inputs, expression)
+            above, below = reader.algebra.fraction(value, number(1))
+            if len(below) == 1 or len(writer.quotient(above, below)) <= LINE:
+                return None, None
+            return self._piece(writer.text(above)), self._piece(writer.text(below))
+        except (TooLongError, ZeroDivisionError):
+            return None, None
+
     def numerator(self, expression: ca.SX) -> Piece | None:
         """Write what is zero where a scalar is."""
         try:
@@ -95,6 +116,14 @@ class Formulas:
     def at_ends(self, expression: ca.SX) -> list[Piece | None]:
         """Write the entries of an expression of values at the ends."""
         return self._written(self.end_names, self.end_inputs, expression, together=False)
+
+    def text(self, expression: ca.SX) -> str | None:
+        """Return a scalar as a formula of the language; None for one too long to read."""
+        reader = Reader(self.names)
+        try:
+            return self._writer(reader).text(reader.read(self.inputs, expression)[0])
+        except (TooLongError, ZeroDivisionError):
+            return None
 
     def _written(
         self, names: Sequence[str], inputs: list[ca.SX], expression: ca.SX, *, together: bool
@@ -120,7 +149,7 @@ class Formulas:
 
     def _writer(self, reader: Reader) -> Writer:
         k = self.system.constants.names
-        return Writer(reader, [*k, *self.names], self.costates)
+        return Writer(reader, [*k, *self.costates, *self.names], self.costates)
 
     def _piece(self, text: str) -> Piece | None:
         try:
@@ -166,7 +195,7 @@ def formulas(problem: Problem, system: Pontryagin, ends: Transversality, latex: 
     names = (*labels(m.states), *entries, *labels(m.controls), *p, "t", *mu, *nu, *k)
     first, last = (_at(which, m.states) for which in ("initial", "final"))
     end_names = (*first, "initial(t)", *last, "final(t)", *p, *omega, *k)
-    return Formulas(system, ends, notation, tuple(entries), names, end_names)
+    return Formulas(system, ends, notation, tuple(entries), names, tuple(nu), end_names)
 
 
 def _unused(name: str, taken: set[str]) -> str:

@@ -29,8 +29,8 @@ POINTS = 16
 """Random points of a test."""
 ZERO = 1e-9
 """A value this small beside its terms is none."""
-MOST_OPERATIONS = 20_000
-"""Operations of an expression that is still worked on: about half a second."""
+MOST_OPERATIONS = 8_000
+"""Operations of an expression that is still worked on: about a fifth of a second."""
 
 
 @dataclass(frozen=True, eq=False)

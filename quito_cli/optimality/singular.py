@@ -19,7 +19,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 from quito_cli.optimality.hamiltonian import Pontryagin
-from quito_cli.optimality.probes import Probe, TooLargeError
+from quito_cli.optimality.probes import MOST_OPERATIONS, Probe, TooLargeError
 
 if TYPE_CHECKING:
     import casadi as ca
@@ -101,13 +101,13 @@ def singular(
     flow = _Flow.of(system, interior)
     rows: list[tuple[ca.SX, ...]] = []
     last: list[ca.SX] = []
+    for i in controls:
+        found, reached, reason = _differentiated(flow, probe, system.switching[i], u)
+        rows.append(found)
+        if reached is None:
+            return _none(system, controls, rows, reason)
+        last.append(reached)
     try:
-        for i in controls:
-            found, reached, reason = _differentiated(flow, probe, system.switching[i], u)
-            rows.append(found)
-            if reached is None:
-                return _none(system, controls, rows, reason)
-            last.append(reached)
         stacked = ca.vertcat(*last)
         coefficient = ca.densify(ca.jacobian(stacked, u))
         coefficient = _cleared(probe, coefficient)
@@ -177,14 +177,20 @@ def _differentiated(
     """Return the derivatives before u appears, the one in which it does, or why none does."""
     import casadi as ca
 
-    found = [value]
-    for _ in range(2 * probe.system.model.n_x + 2):
-        value = flow.derivative(value)
-        if probe.vanishes(value):
-            return tuple(found), None, "constant" if len(found) == 1 else "no finite order"
-        if ca.depends_on(value, u):
-            if not probe.vanishes(ca.jacobian(value, u)):
-                return tuple(found), value, ""
-            value = ca.substitute(value, u, ca.SX.zeros(*u.shape))
-        found.append(value)
+    found, left = [value], MOST_OPERATIONS
+    try:
+        for _ in range(2 * probe.system.model.n_x + 2):
+            value = flow.derivative(value)
+            left -= ca.n_nodes(value)
+            if left < 0:
+                return tuple(found), None, "too large"
+            if probe.vanishes(value):
+                return tuple(found), None, "constant" if len(found) == 1 else "no finite order"
+            if ca.depends_on(value, u):
+                if not probe.vanishes(ca.jacobian(value, u)):
+                    return tuple(found), value, ""
+                value = ca.substitute(value, u, ca.SX.zeros(*u.shape))
+            found.append(value)
+    except TooLargeError:
+        return tuple(found), None, "too large"
     return tuple(found), None, "no finite order"

@@ -33,7 +33,7 @@ class Writer:
     def __init__(self, reader: Reader, first: Sequence[str], gathered: Sequence[str]) -> None:
         """`first` are names in the order of factors; `gathered` those that terms are grouped by."""
         self.reader = reader
-        self.rank = {name: i for i, name in enumerate(first)}
+        self.rank = {name: i for i, name in reversed(list(enumerate(first)))}
         self.gathered = list(gathered)
 
     def text(self, value: Sum) -> str:
@@ -93,11 +93,10 @@ class Writer:
         if len(rest) == 1:
             ((monomial, factor),) = rest.items()
             return self._product(factor, (*head, *monomial))
-        sign, text = self._factored(rest)
-        return sign, f"{self._monomial(head)}*{text}"
+        return self._factored(rest, head)
 
-    def _factored(self, value: Sum) -> tuple[int, str]:
-        """Write a sum as one factor: what divides all terms, times the rest in brackets."""
+    def _factored(self, value: Sum, head: Monomial = ONE) -> tuple[int, str]:
+        """Write a sum as one product: what divides all terms, `head`, the rest in brackets."""
         if len(value) <= 1:
             ((monomial, factor),) = value.items() if value else ((ONE, Fraction(0)),)
             return self._product(factor, monomial)
@@ -111,7 +110,7 @@ class Writer:
             sign, terms = -1, [(-s, text) for s, text in terms]
         text = f"({_joined(terms)})"
         below = tuple((n, -e) for n, e in common if e < 0)
-        above = tuple((n, e) for n, e in common if e > 0)
+        above = (*head, *((n, e) for n, e in common if e > 0))
         if factor.numerator != 1 or above:
             text = f"{self._product(Fraction(factor.numerator), above)[1]}*{text}"
         if below or factor.denominator != 1:
@@ -146,9 +145,6 @@ class Writer:
             return sign, whole
         under = self._written([], below)
         return sign, f"{whole}/({under})" if len(below) > 1 else f"{whole}/{under}"
-
-    def _monomial(self, monomial: Monomial) -> str:
-        return self._product(Fraction(1), monomial)[1]
 
     def _written(self, front: list[str], monomial: Monomial) -> str:
         order = sorted(monomial, key=lambda pair: (self.rank.get(pair[0], len(self.rank)), pair[0]))
