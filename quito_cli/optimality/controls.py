@@ -75,12 +75,14 @@ class Regular:
         if self.closed is not None:
             return sampled(self.closed_function, (t, x, costate, guess, p, mu, nu))[0]
         u, place = np.array(guess, float), list(self.controls)
-        for _ in range(STEPS):
-            step = sampled(self.step, (t, x, costate, u, p, mu, nu))[0]
-            u[:, place] += step
-            if np.all(np.abs(step) <= 1e-14 * (1 + np.abs(u[:, place]))):
-                break
-        settled = np.abs(step) <= 1e-9 * (1 + np.abs(u[:, place]))
+        with np.errstate(all="ignore"):
+            for _ in range(STEPS):
+                step = sampled(self.step, (t, x, costate, u, p, mu, nu))[0]
+                u[:, place] += step
+                size = 1 + np.abs(u[:, place])
+                if np.all(np.abs(step) <= 1e-14 * size):
+                    break
+        settled = np.isfinite(size) & (np.abs(step) <= 1e-9 * size)
         return np.where(settled, u[:, place], np.nan)
 
 
