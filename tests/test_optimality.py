@@ -91,7 +91,7 @@ def test_derivatives_are_those_of_the_hamiltonian(name: str) -> None:
     m = found.model
     x, costate, u, p, t, mu, nu, _ = (values[:, 0] for values in probe.points)
 
-    def point(x: Array, u: Array, p: Array, t: float) -> Any:
+    def point(x: Array, u: Array, p: Array, t: float = float(t[0])) -> Any:
         given = found.along(
             *(np.array([t]), x[None], costate[None], u[None], p), mu=mu[None], nu=nu
         )
@@ -100,7 +100,7 @@ def test_derivatives_are_those_of_the_hamiltonian(name: str) -> None:
         rows = np.concatenate([*values, x[bounded]])
         return given, given.hamiltonian[0] + mu @ rows
 
-    values = point(x, u, p, float(t[0]))[0]
+    values = point(x, u, p)[0]
     scale = 1 + abs(values.hamiltonian[0])
     for slopes, place, size, sign in (
         (values.adjoint[0], 0, m.n_x, -1),
@@ -111,9 +111,9 @@ def test_derivatives_are_those_of_the_hamiltonian(name: str) -> None:
             sides = []
             step = 1e-5
             for shift in (step, -step):
-                given = [x.copy(), u.copy(), p.copy()]
-                given[place][i] += shift
-                sides.append(point(*given, float(t[0]))[1])
+                moved = [x.copy(), u.copy(), p.copy()]
+                moved[place][i] += shift
+                sides.append(point(moved[0], moved[1], moved[2])[1])
             slope = sign * (sides[0] - sides[1]) / (2 * step)
             assert slopes[i] == pytest.approx(slope, rel=1e-5, abs=1e-5 * scale)
     gap = point(x, u, p, float(t[0]) + 1e-5)[1] - point(x, u, p, float(t[0]) - 1e-5)[1]
@@ -324,7 +324,7 @@ def test_a_regular_control_in_the_switching_function_itself() -> None:
         "dynamics: {x: u, y: w}\ncost: {lagrange: x^2 + x*w + w^2 + y^2}"
     )
     inside, fixed = (arc(text, 0, interior=interior) for interior in ((1,), ()))
-    at = ([0.3, 0.2], [0.1, 0.5], [0.4, 0.7], [], 0, [], [])
+    at: tuple[Any, ...] = ([0.3, 0.2], [0.1, 0.5], [0.4, 0.7], [], 0, [], [])
     # λx' = −2x − w, so that σ'' = −2u − w', w' = −(x' + λy')/2 = −(u − 2y)/2.
     assert float(fixed.functions(*at)[1]) == pytest.approx(-2.0)
     assert float(inside.functions(*at)[1]) == pytest.approx(-1.5)
@@ -396,8 +396,8 @@ def test_regular_controls_along_a_solution(name: str, solve: Any) -> None:
     t = solution.times[1:-1]
     x, u, costate = solution.state(t), solution.control(t), solution.costate(t)
     truth = control_of(name, m, t, u)
-    nu = [solution.multipliers[f"integral constraint {c.name}"] for c in m.constraints.integral]
-    nu = np.array(nu).ravel()
+    integrals = [f"integral constraint {c.name}" for c in m.constraints.integral]
+    nu = np.array([solution.multipliers[name] for name in integrals]).ravel()
     law = np.zeros_like(u)
     for group in groups:
         found_ = group.along(t, x, costate, u, solution.parameters, nu=nu)
@@ -573,7 +573,19 @@ def test_kinds_of_ends_and_what_holds_there() -> None:
     assert ends.final[1] == "fixed"
     assert (ends.initial_time, ends.final_time, ends.parameters) == ("fixed", "fixed", ())
     # λ_r = −1 + ω v², λ_v = 2 ω r v at the end: made up numbers, as any costates may be given.
-    values = ([1, 0, 1], 0, [1.5, 0, 0.8], 3.32, [], [0, 0, 0], [-0.68, 7.0, 1.2], 0, 0, [], 0.5)
+    values: tuple[Any, ...] = (
+        [1, 0, 1],
+        0,
+        [1.5, 0, 0.8],
+        3.32,
+        [],
+        [0, 0, 0],
+        [-0.68, 7.0, 1.2],
+        0,
+        0,
+        [],
+        0.5,
+    )
     residuals = [np.array(value).ravel() for value in ends.residuals(*values)]
     assert residuals[1][[0, 2]] == pytest.approx([0, 0])
 
@@ -583,7 +595,7 @@ def test_transversality_of_a_solution_with_a_boundary_constraint(solve: Any) -> 
     solution, m = solve("orbit_transfer", steps=100), found.model
     costate, x = solution.costate(solution.times[[0, -1]]), solution.state(solution.times[[0, -1]])
     omega = solution.multipliers["boundary constraint circular"].ravel()
-    values = (x[0], 0, x[1], 3.32, [], costate[0], costate[1], 0, 0, [], omega)
+    values: tuple[Any, ...] = (x[0], 0, x[1], 3.32, [], costate[0], costate[1], 0, 0, [], omega)
     final = np.array(transversality(found).residuals(*values)[1]).ravel()
     assert final[[0, 2]] == pytest.approx([0, 0], abs=1e-3)
     assert m.n_p == 0
@@ -621,7 +633,19 @@ def test_parameters_and_integral_constraints(solve: Any) -> None:
     point = found.along(*given, nu=nu)
     integral = np.trapezoid(point.parameters[:, 0], t)
     ends = transversality(found)
-    values = ([0, 1], 0, [0, -1], 1, solution.parameters, [0, 0], [0, 0], 0, 0, integral, [])
+    values: tuple[Any, ...] = (
+        [0, 1],
+        0,
+        [0, -1],
+        1,
+        solution.parameters,
+        [0, 0],
+        [0, 0],
+        0,
+        0,
+        integral,
+        [],
+    )
     assert float(ends.residuals(*values)[4]) == pytest.approx(0, abs=1e-2)
     assert ends.parameters == ("range",)
 
@@ -635,7 +659,7 @@ def test_the_sign_at_the_end_of_a_range(solve: Any) -> None:
     found, _ = system(text)
     solution = solve(text, steps=20)
     costate = solution.costate(np.array([0.0, 1.0]))
-    values = ([0], 0, [0.5], 1, [], costate[0], costate[1], 0, 0, [], [])
+    values: tuple[Any, ...] = ([0], 0, [0.5], 1, [], costate[0], costate[1], 0, 0, [], [])
     ends = transversality(found)
     assert ends.final == ("range",)
     # u = 1/2, λ = −1, M_x = −4.

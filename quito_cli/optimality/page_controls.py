@@ -64,7 +64,14 @@ def _regular(setting: Setting, group: Regular) -> Iterator[Line]:
     else:
         names = ", ".join(setting.joined(setting.control(i)) for i in group.controls)
         zero = setting.maths("= 0", "= 0")
-        yield setting.say(Piece((names,)), ": the root of the above ", zero, ", by Newton's method")
+        words = " inside its bounds" if len(group.controls) == 1 else " inside their bounds"
+        yield setting.say(
+            Piece((names,)), ": where the above ", zero, words, ", by Newton's method"
+        )
+        for i in group.controls:
+            yield from _at_bounds(
+                setting, i, setting.slope(setting.letter("H"), setting.control(i))
+            )
     if len(group.controls) == 1:
         u, h = setting.control(group.controls[0]), setting.letter("H")
         text = setting.joined(u)
@@ -88,6 +95,15 @@ def _within(setting: Setting, i: int) -> Iterator[Line]:
         yield setting.say(f"if this is {side} ", number, ", else ", number)
 
 
+def _at_bounds(setting: Setting, i: int, slope: Piece) -> Iterator[Line]:
+    """Write at which bound a control is, by the sign of H_u there."""
+    low, high = (float(side[i]) for side in setting.of.system.model.control_bounds)
+    for bound, sign in ((low, ">"), (high, "<")):
+        if np.isfinite(bound):
+            where = (" where ", slope, Piece((f" {sign} 0",)))
+            yield setting.equation(setting.control(i), setting.number(bound), *where)
+
+
 def _affine(setting: Setting, i: int, interior: tuple[int, ...], *, arcs: bool) -> Iterator[Line]:
     """Write a switching function, and the singular arc where it vanishes."""
     system, several = setting.of.system, setting.of.system.model.n_u > 1
@@ -99,11 +115,7 @@ def _affine(setting: Setting, i: int, interior: tuple[int, ...], *, arcs: bool) 
     value = setting.one(system.switching[i])
     left = Piece((f"{setting.joined(sigma)} = {setting.joined(slope)}",))
     yield setting.equation(left, value)
-    low, high = (float(side[i]) for side in system.model.control_bounds)
-    for bound, sign in ((low, ">"), (high, "<")):
-        if np.isfinite(bound):
-            where = (" where ", sigma, Piece((f" {sign} 0",)))
-            yield setting.equation(u, setting.number(bound), *where)
+    yield from _at_bounds(setting, i, sigma)
     if not arcs:
         yield setting.say("its singular arcs are left out")
         return

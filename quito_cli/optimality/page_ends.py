@@ -100,6 +100,8 @@ def end_lines(setting: Setting) -> Iterator[Line]:
     ends, m = setting.of.ends, setting.of.system.model
     at = m.ends
     function = ends.end_function
+    if "fixed" in (*ends.initial, *ends.final):
+        yield setting.say("a state that is fixed at an end leaves its costate free there")
     yield from _end(setting, "initial", ends.initial, -ca.gradient(function, at.x0))
     yield from _end(setting, "final", ends.final, ca.gradient(function, at.xf))
     times = (("initial", ends.initial_time, at.t0, 1), ("final", ends.final_time, at.tf, -1))

@@ -111,10 +111,10 @@ def constant(value: float) -> Sum:
     if not isfinite(value):
         raise TooLongError
     near = Fraction(value).limit_denominator(1000)
-    if abs(float(near) - value) <= 1e-14 * abs(value):
+    if abs(value) < 1e6 and abs(float(near) - value) <= 1e-14 * abs(value):
         return number(near)
     turns = Fraction(value / pi).limit_denominator(48)
-    if turns and abs(float(turns) * pi - value) <= 1e-14 * abs(value):
+    if 0 < abs(turns) < 100 and abs(float(turns) * pi - value) <= 1e-14 * abs(value):
         return scaled(atom("pi"), turns)
     return number(Fraction(f"{value:.14g}"))
 

@@ -67,7 +67,7 @@ class Setting:
         text = escaped(words)
         for sign, written in signs.items():
             text = text.replace(sign, written)
-        return rf"\text{{{text}}}"
+        return rf"\text{{{text}}}".replace(r"\text{}", "")
 
     def equation(self, left: Piece, right: Piece | None, *words: str | Piece) -> Line:
         """Write an equation to be broken between summands, with words behind it."""
