@@ -6,6 +6,7 @@ import re
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -18,20 +19,13 @@ from hypothesis import strategies as st
 
 import quito_cli as quito
 from quito_cli.cli.app import main
-from quito_cli.optimality.algebra import (
-    MOST_TERMS,
-    Algebra,
-    TooLongError,
-    add,
-    atom,
-    divided,
-    number,
-)
+from quito_cli.optimality.algebra import Algebra
 from quito_cli.optimality.formulas import Formulas, formulas
 from quito_cli.optimality.hamiltonian import pontryagin
 from quito_cli.optimality.page import derivation
 from quito_cli.optimality.probes import Probe
 from quito_cli.optimality.reading import Reader, constant
+from quito_cli.optimality.sums import MOST_TERMS, TooLongError, add, atom, number
 from quito_cli.optimality.transversality import transversality
 from quito_cli.optimality.wording import Writer
 from quito_cli.problem.build import build
@@ -176,14 +170,43 @@ def test_polynomials_are_divided_exactly_or_not_at_all() -> None:
     a, b = atom("a"), atom("b")
     algebra = Algebra()
     whole = algebra.product(add(a, b), add(a, number(-2)))
-    assert divided(whole, add(a, b)) == add(a, number(-2))
-    assert divided(add(whole, number(1)), add(a, b)) is None
+    assert algebra.divided(whole, add(a, b)) == add(a, number(-2))
+    assert algebra.divided(add(whole, number(1)), add(a, b)) is None
 
 
 def test_long_sums_are_refused_and_not_worked_on() -> None:
     many = ca.SX.sym("m", 2 * MOST_TERMS)
     with pytest.raises(TooLongError):
         Reader([f"m[{i}]" for i in range(2 * MOST_TERMS)]).read([many], ca.sum1(many**2))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "(3*a)^1000000000",
+        "((((3*a)^100)^100)^100)^100",
+        "(a + b)^1000000000",
+        "(a + 2*b + 3*c)^(-1000000000)",
+        "2^(a*1000)",
+        "(" * 40 + "a + 1" + ")^2 + 1" * 40,
+        "sin(" * 45 + "a" + ")" * 45,
+        "*".join(["(a + b + c + a*b)"] * 60),
+    ],
+)
+def test_nothing_grows_without_end(text: str) -> None:
+    begun = time.perf_counter()
+    for together in (False, True):
+        with suppress(TooLongError, ZeroDivisionError):
+            written(text, together=together)
+    assert time.perf_counter() - begun < 5
+
+
+def test_names_of_nested_calls_do_not_double_without_end() -> None:
+    a = SYMBOLS["a"]
+    for _ in range(300):
+        a = ca.sin(a + 1) + ca.cos(a)
+    with pytest.raises(TooLongError):
+        rewritten(a)
 
 
 # Formulas of problems

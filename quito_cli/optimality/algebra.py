@@ -1,132 +1,39 @@
-"""Sums of products with exact numbers: the normal form in which derived formulas are simplified.
+"""Products, powers and quotients of sums, multiplied out as far as is good to read.
 
-A sum is {monomial: coefficient}; a monomial is a sorted tuple of (atom, exponent), a coefficient a
-Fraction, so that 0.7 is 7/10. An atom is a name, a call such as sin(x), or a sum in brackets that
-is not multiplied out: one with a negative or broken exponent, or a power too long for a page. Like
-terms are collected by construction. Two forms of one function need not be equal (sin² + cos² is not
-known to be 1): the form serves reading, never a decision.
+A bracket that is not multiplied out is an atom, and the Algebra remembers the sum it stands for, so
+that it can divide by it later, and open it where powers meet to a small whole one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from math import comb, gcd, lcm
 
-Monomial = tuple[tuple[str, Fraction], ...]
-Sum = dict[Monomial, Fraction]
+from quito_cli.optimality.sums import (
+    MOST_TERMS,
+    ONE,
+    Monomial,
+    Sum,
+    TooLongError,
+    add,
+    atom,
+    bits,
+    content,
+    include,
+    inverse,
+    key,
+    leading,
+    number,
+    scaled,
+    times,
+)
 
-ONE: Monomial = ()
-MOST_TERMS = 300
-"""Terms of a sum that is still worked on."""
+MOST_WORK = 40_000
+"""Terms that are worked on for one formula: about a fifth of a second."""
 MOST_EXPANDED = 12
 """Terms that a power is multiplied out to; longer ones stay in brackets."""
-CANCELLED = Fraction(1, 10**13)
-"""What is left of the sum of two numbers is none where it is this small beside them: rounding."""
-
-
-class TooLongError(Exception):
-    """A sum of more terms than anybody reads."""
-
-
-def number(value: Fraction | int) -> Sum:
-    """Return a number."""
-    return {ONE: Fraction(value)} if value else {}
-
-
-def atom(name: str, exponent: Fraction | int = 1) -> Sum:
-    """Return an atom or a power of it."""
-    return {((name, Fraction(exponent)),): Fraction(1)}
-
-
-def constant_of(value: Sum) -> Fraction | None:
-    """Return the number that a sum is, if it is one."""
-    return value.get(ONE, Fraction(0)) if not value or value.keys() == {ONE} else None
-
-
-def add(left: Sum, right: Sum) -> Sum:
-    """Return the sum.
-
-    Raises:
-        TooLongError: more than MOST_TERMS terms.
-    """
-    found = dict(left)
-    for monomial, b in right.items():
-        a = found.get(monomial, Fraction(0))
-        if abs(a + b) <= CANCELLED * (abs(a) + abs(b)):
-            found.pop(monomial, None)
-        else:
-            found[monomial] = a + b
-    if len(found) > MOST_TERMS:
-        raise TooLongError
-    return found
-
-
-def scaled(value: Sum, factor: Fraction | int, by: Monomial = ONE) -> Sum:
-    """Return a sum times a number and a monomial, nothing multiplied out."""
-    return {times(m, by): c * factor for m, c in value.items()} if factor else {}
-
-
-def times(left: Monomial, right: Monomial) -> Monomial:
-    """Return the product of two monomials."""
-    if not left or not right:
-        return left or right
-    exponents = dict(left)
-    for name, exponent in right:
-        exponents[name] = exponents.get(name, Fraction(0)) + exponent
-    return tuple(sorted((name, e) for name, e in exponents.items() if e))
-
-
-def content(value: Sum) -> tuple[Fraction, Monomial]:
-    """Return the largest number and monomial that divide every term, the number positive."""
-    if not value:
-        return Fraction(1), ONE
-    above = gcd(*(c.numerator for c in value.values()))
-    below = lcm(*(c.denominator for c in value.values()))
-    least = dict(next(iter(value)))
-    for monomial in value:
-        here = dict(monomial)
-        least = {n: min(e, here.get(n, Fraction(0))) for n, e in least.items()} | {
-            n: e for n, e in here.items() if n not in least and e < 0
-        }
-        # A name that this term lacks divides no further than to the power 0.
-        least = {n: e for n, e in least.items() if n in here or e < 0}
-    return Fraction(above, below), tuple(sorted((n, e) for n, e in least.items() if e))
-
-
-def inverse(monomial: Monomial) -> Monomial:
-    """Return 1 over a monomial."""
-    return tuple((name, -e) for name, e in monomial)
-
-
-def leading(value: Sum) -> Monomial:
-    """Return the monomial that comes first in the lexicographic order of exponents."""
-    names = sorted({name for monomial in value for name, _ in monomial})
-    return max(value, key=lambda m: [dict(m).get(name, Fraction(0)) for name in names])
-
-
-def divided(value: Sum, by: Sum) -> Sum | None:
-    """Return the exact quotient of two polynomials, or None where there is a remainder."""
-    names = sorted({name for sum_ in (value, by) for m in sum_ for name, _ in m})
-
-    def rank(monomial: Monomial) -> list[Fraction]:
-        here = dict(monomial)
-        return [here.get(name, Fraction(0)) for name in names]
-
-    head = max(by, key=rank)
-    left, quotient = dict(value), Sum()
-    for _ in range(MOST_TERMS):
-        if not left:
-            return quotient
-        first = max(left, key=rank)
-        step = times(first, inverse(head))
-        if any(e < 0 for _, e in step):
-            return None
-        factor = left[first] / by[head]
-        quotient[step] = factor
-        left = add(left, scaled(by, -factor, step))
-        left.pop(first, None)
-    return None
+MOST_BITS = 900
+"""Binary digits of a number: all of a double."""
 
 
 class Algebra:
@@ -134,6 +41,45 @@ class Algebra:
 
     def __init__(self) -> None:
         self.brackets: dict[str, Sum] = {}
+        self.left = MOST_WORK
+
+    def spend(self, terms: int) -> None:
+        """Count terms that are worked on.
+
+        Raises:
+            TooLongError: more than MOST_WORK in all.
+        """
+        self.left -= terms
+        if self.left < 0:
+            raise TooLongError
+
+    def divided(self, value: Sum, by: Sum) -> Sum | None:
+        """Return the exact quotient of two polynomials, or None where there is a remainder.
+
+        Raises:
+            TooLongError: more work than is done.
+        """
+        names = sorted({name for sum_ in (value, by) for m in sum_ for name, _ in m})
+
+        def rank(monomial: Monomial) -> list[Fraction]:
+            here = dict(monomial)
+            return [here.get(name, Fraction(0)) for name in names]
+
+        head = max(by, key=rank)
+        left, quotient = dict(value), Sum()
+        for _ in range(MOST_TERMS):
+            if not left:
+                return quotient
+            self.spend(len(left) + len(by))
+            first = max(left, key=rank)
+            step = times(first, inverse(head))
+            if any(e < 0 for _, e in step):
+                return None
+            factor = left[first] / by[head]
+            quotient[step] = factor
+            left = add(left, scaled(by, -factor, step))
+            left.pop(first, None)
+        return None
 
     def product(self, left: Sum, right: Sum) -> Sum:
         """Return the product, multiplied out where that is not too long.
@@ -144,10 +90,13 @@ class Algebra:
         if len(left) * len(right) > MOST_TERMS:
             longer, other = (left, right) if len(left) > len(right) else (right, left)
             return self.product(self.bracketed(longer, Fraction(1)), other)
+        self.spend(len(left) * len(right))
         found: Sum = {}
         for a, c in left.items():
             for b, d in right.items():
-                found = add(found, self._opened(times(a, b), c * d))
+                if bits(c) + bits(d) > MOST_BITS:
+                    raise TooLongError
+                include(found, self._opened(times(a, b), c * d))
         return found
 
     def _opened(self, monomial: Monomial, factor: Fraction) -> Sum:
@@ -155,7 +104,7 @@ class Algebra:
         found: Sum = {monomial: factor}
         for name, exponent in monomial:
             inner = self.brackets.get(name)
-            if inner is None or exponent.denominator > 1 or exponent < 0:
+            if inner is None or exponent.denominator > 1 or not 0 < exponent <= MOST_EXPANDED:
                 continue
             if comb(len(inner) + int(exponent) - 1, int(exponent)) <= MOST_EXPANDED:
                 rest: Sum = {tuple(pair for pair in monomial if pair[0] != name): factor}
@@ -181,6 +130,8 @@ class Algebra:
                 return number(1)
             raise ZeroDivisionError
         if len(value) <= 1 and whole:
+            if any(abs(c) != 1 and bits(c) * abs(exponent) > MOST_BITS for c in value.values()):
+                raise TooLongError
             return {
                 tuple((n, e * exponent) for n, e in m): c ** int(exponent) for m, c in value.items()
             }
@@ -189,7 +140,7 @@ class Algebra:
             if factor == 1 and len(monomial) == 1 and monomial[0][1] == 1:
                 return atom(monomial[0][0], exponent)
         n = int(exponent)
-        if whole and n >= 0 and comb(len(value) + n - 1, n) <= MOST_EXPANDED:
+        if whole and 0 <= n <= MOST_EXPANDED and comb(len(value) + n - 1, n) <= MOST_EXPANDED:
             return self.whole_power(value, n)
         return self.bracketed(value, exponent)
 
@@ -200,6 +151,8 @@ class Algebra:
             factor, common = content(value)
             first = ONE if ONE in value else leading(value)
             factor = -factor if value[first] < 0 else factor
+            if factor != 1 and bits(factor) * abs(exponent) > MOST_BITS:
+                factor = Fraction(1)
             value = scaled(value, 1 / factor, inverse(common))
         name = f"({key(value)})"
         self.brackets[name] = value
@@ -216,13 +169,14 @@ class Algebra:
             for name, e in content(value)[1]
             if name not in self.brackets or all(name in dict(monomial) for monomial in value)
         )
+        self.spend(len(value))
         inner: Sum = {}
         for monomial, factor in value.items():
             inner = add(inner, self._opened(times(monomial, inverse(common)), factor))
         taken: Monomial = ONE
         for name, exponent in common:
             for _ in range(int(-exponent) if name in self.brackets and exponent < 0 else 0):
-                quotient = divided(inner, self.brackets[name])
+                quotient = self.divided(inner, self.brackets[name])
                 if quotient is None:
                     break
                 inner, taken = quotient, times(taken, ((name, Fraction(1)),))
@@ -239,7 +193,7 @@ class Algebra:
         candidates = [inner for inner in self.brackets.values() if len(inner) > 1]
         for factor in [below, above, *candidates]:
             while len(factor) > 1:
-                a, b = divided(above, factor), divided(below, factor)
+                a, b = self.divided(above, factor), self.divided(below, factor)
                 if a is None or b is None:
                     break
                 above, below = a, b
@@ -264,17 +218,3 @@ class Algebra:
             by: Sum = {tuple(sorted((n, -e) for n, e in lowest.items())): Fraction(1)}
             above, below = self.product(above, by), self.product(below, by)
         return above, below
-
-
-def key(value: Sum) -> str:
-    """Return a text that is the same for the same sum."""
-    terms = (
-        " ".join([str(c), *(f"{name}^{exponent}" for name, exponent in monomial)])
-        for monomial, c in sorted(value.items())
-    )
-    return " + ".join(terms)
-
-
-def atoms(values: Iterable[Mapping[Monomial, Fraction]]) -> set[str]:
-    """Return the atoms of sums."""
-    return {name for value in values for monomial in value for name, _ in monomial}

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from quito_cli.optimality.algebra import Sum, TooLongError, number
 from quito_cli.optimality.hamiltonian import Pontryagin
 from quito_cli.optimality.reading import Reader
+from quito_cli.optimality.sums import Sum, TooLongError, number
 from quito_cli.optimality.transversality import Transversality
 from quito_cli.optimality.wording import Writer
 from quito_cli.problem.language.syntax import parse
@@ -24,6 +24,8 @@ from quito_cli.problem.schema import Problem
 if TYPE_CHECKING:
     import casadi as ca
 
+UNREADABLE = (TooLongError, ZeroDivisionError, RecursionError)
+"""What reading and writing a formula may end with: too long, undefined, or nested too deeply."""
 LINE = 100
 """Characters of a fraction that goes on one line."""
 
@@ -100,7 +102,7 @@ class Formulas:
             if len(below) == 1 or len(writer.quotient(above, below)) <= LINE:
                 return None, None
             return self._piece(writer.text(above)), self._piece(writer.text(below))
-        except (TooLongError, ZeroDivisionError):
+        except UNREADABLE:
             return None, None
 
     def numerator(self, expression: ca.SX) -> Piece | None:
@@ -110,7 +112,7 @@ class Formulas:
             (value,) = reader.read(self.inputs, expression)
             above, _ = reader.algebra.fraction(value, number(1))
             return self._piece(self._writer(reader).factors(above))
-        except (TooLongError, ZeroDivisionError):
+        except UNREADABLE:
             return None
 
     def at_ends(self, expression: ca.SX) -> list[Piece | None]:
@@ -122,7 +124,7 @@ class Formulas:
         reader = Reader(self.names)
         try:
             return self._writer(reader).text(reader.read(self.inputs, expression)[0])
-        except (TooLongError, ZeroDivisionError):
+        except UNREADABLE:
             return None
 
     def _written(
@@ -131,7 +133,7 @@ class Formulas:
         reader = Reader(names)
         try:
             sums = reader.read(inputs, expression)
-        except (TooLongError, ZeroDivisionError):
+        except UNREADABLE:
             if expression.numel() == 1:
                 return [None]
             parts = [expression[i] for i in range(expression.numel())]
@@ -144,7 +146,7 @@ class Formulas:
             if together:
                 return self._piece(writer.quotient(*reader.algebra.fraction(value, number(1))))
             return self._piece(writer.text(value))
-        except (TooLongError, ZeroDivisionError):
+        except UNREADABLE:
             return None
 
     def _writer(self, reader: Reader) -> Writer:

@@ -12,8 +12,8 @@ from fractions import Fraction
 from math import isfinite, pi
 from typing import TYPE_CHECKING
 
-from quito_cli.optimality.algebra import (
-    Algebra,
+from quito_cli.optimality.algebra import Algebra
+from quito_cli.optimality.sums import (
     Sum,
     TooLongError,
     add,

@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 
-from quito_cli.optimality.algebra import (
+from quito_cli.optimality.reading import Reader
+from quito_cli.optimality.sums import (
     ONE,
     Monomial,
     Sum,
@@ -20,7 +21,6 @@ from quito_cli.optimality.algebra import (
     inverse,
     scaled,
 )
-from quito_cli.optimality.reading import Reader
 
 LONGEST = 1200
 """Characters of a formula that is still printed."""
@@ -35,6 +35,8 @@ class Writer:
         self.reader = reader
         self.rank = {name: i for i, name in reversed(list(enumerate(first)))}
         self.gathered = list(gathered)
+        self.written: dict[str, str] = {}
+        """Brackets and calls that have been written already."""
 
     def text(self, value: Sum) -> str:
         """Return a sum as a formula, gathered.
@@ -159,6 +161,11 @@ class Writer:
 
     def _atom(self, name: str) -> str:
         """Write a name, a bracket, or a call."""
+        if name not in self.written:
+            self.written[name] = self._unwritten(name)
+        return self.written[name]
+
+    def _unwritten(self, name: str) -> str:
         inner = self.reader.algebra.brackets.get(name)
         if inner is not None:
             return f"({self.text(inner)})"
