@@ -21,7 +21,7 @@ from quito_cli.optimality.elimination import eliminated, known_hamiltonian
 from quito_cli.optimality.hamiltonian import sampled
 from quito_cli.optimality.probes import Probe
 from quito_cli.optimality.singular import Singular, singular
-from quito_cli.optimality.transversality import transversality
+from quito_cli.optimality.transversality import point_jumps, transversality
 from quito_cli.problem.build import build
 from quito_cli.problem.load import load_text
 from quito_cli.problem.model import Known, Model
@@ -297,6 +297,39 @@ def test_goh_s_condition_shows_in_an_odd_degree() -> None:
     assert found.degrees == (1, 1)
     assert found.order is None
     assert found.clebsch is None
+
+
+def test_a_product_of_controls_determines_them_at_once() -> None:
+    text = small(
+        "controls: {u: {lower: -1, upper: 1}, v: {lower: -1, upper: 1}}\n"
+        "dynamics: {x: u, y: v}\ncost: {lagrange: u*v + x^2}"
+    )
+    assert controls(*system(text)).kinds == ("affine", "affine")
+    found = arc(text, 0, 1)
+    assert (found.degrees, found.order) == ((0, 0), 0)
+    assert np.array(
+        found.system.function("c", [found.clebsch])([0, 0], [0, 0], [0, 0], [], 0, [], [])
+    ) == pytest.approx(np.array([[0.0, 1.0], [1.0, 0.0]]))
+    assert found.feedback is not None
+    # λx + v = 0, λy + u = 0
+    law = found.functions([0, 0], [3, 4], [9, 9], [], 0, [], [])[0]
+    assert np.array(law).ravel() == pytest.approx([-4.0, -3.0])
+
+
+def test_costates_jump_at_point_constraints_along_gradients(solve: Any) -> None:
+    """Through x(1/2) = 1 with least effort: u = 2, then −2, and λ = −2u jumps along ∇x."""
+    text = (
+        "title: gate\ntime: {initial: 0, final: 1}\nstates: {x: {initial: 0, final: 0}}\n"
+        "controls: {u: {}}\ndynamics: {x: u}\ncost: {lagrange: u^2}\n"
+        "constraints: {point: {gate: {at: 0.5, holds: x == 1}}}\n"
+    )
+    (jump,) = point_jumps(system(text)[0])
+    value, gradient = jump([1.0], [0], [0], [], 0.5, [], [])
+    assert (float(value), float(gradient)) == (1.0, 1.0)
+    solution = solve(text, steps=40)
+    # u = 2, then −2: λ = −4, then 4, so that ρ = −8.
+    before, after = solution.costate(np.array([0.25, 0.75]))[:, 0]
+    assert (before, after) == (pytest.approx(-4, rel=2e-2), pytest.approx(4, rel=2e-2))
 
 
 def test_a_regular_control_follows_along_a_singular_arc() -> None:

@@ -124,7 +124,8 @@ def _kind(system: Pontryagin, probe: Probe, coupled: NDArray[np.bool_], i: int) 
         return "regular"
     slope, u = system.switching[i], system.model.u[i]
     if ca.depends_on(slope, u):
-        moved = ca.substitute(slope, u, u + 1) - ca.substitute(slope, u, u - 1)
+        span = 1 + float(np.ptp(probe.points[2][i]))
+        moved = ca.substitute(slope, u, u + span) - ca.substitute(slope, u, u - span)
         if not probe.vanishes(moved):
             return "kinked"
     return "absent" if probe.vanishes(slope) else "affine"

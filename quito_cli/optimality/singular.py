@@ -9,7 +9,8 @@ repeated until B + A u appears with A not identically zero, tested by numbers. T
 singular feedback. For one control this is an even derivative, of degree 2q, and a minimum needs
 (−1)^q A ≥ 0, the generalised Legendre-Clebsch condition (H. J. Kelley, R. E. Kopp and H. G. Moyer,
 in Topics in Optimization, 1967; H. M. Robbins, IBM J. Res. Dev. 11, 1967). One of several controls
-that appears at an odd derivative violates Goh's condition unless its coefficient is zero there.
+that appears at an odd derivative violates Goh's condition unless its coefficient is zero there;
+where H has products of them they are in σ itself, of degree 0, and A is their H_uu.
 """
 
 from __future__ import annotations
@@ -179,6 +180,9 @@ def _differentiated(
 
     found, left = [value], MOST_OPERATIONS
     try:
+        # A product of two controls that are both singular: H_uu itself determines them.
+        if probe.depends(value, u):
+            return (), value, ""
         for _ in range(2 * probe.system.model.n_x + 2):
             value = flow.derivative(value)
             left -= ca.n_nodes(value)

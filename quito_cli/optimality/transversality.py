@@ -81,6 +81,19 @@ class Transversality:
         return ca.Function("transversality", given, whole.call([*given, ca.SX(k.values)]))
 
 
+def point_jumps(system: Pontryagin) -> tuple[ca.Function, ...]:
+    """Return arguments ↦ value (rows, 1) and gradients (n_x, rows), for each point constraint.
+
+    At its time λ⁺ = λ⁻ − ρ · gradients, with multipliers ρ of the signs that the package states.
+    """
+    import casadi as ca
+
+    return tuple(
+        system.function("point", [c.value, ca.densify(ca.jacobian(c.value, system.model.x).T)])
+        for c in system.model.constraints.point
+    )
+
+
 def transversality(system: Pontryagin) -> Transversality:
     """Return the conditions at the ends of a system."""
     import casadi as ca
