@@ -282,7 +282,7 @@ def test_the_page_of_van_der_pol() -> None:
     ("name", "lines"),
     [
         ("alychan", ["u = −x₁", "λₓ₃(π/2) = 1"]),
-        ("bressan", ["u = 1/2"]),
+        ("bressan", ["u = 1/2", "λₓ₃(T) = −1", "T = 10"]),
         ("catalyst_mixing", ["0 = x₁² − 20 x₁ x₂ + 90 x₂², the singular surface"]),
         ("bryson_denham", ["u = −λₓ₂", "C = d²S/dt² = u, of order 2"]),
         ("rayleigh_mixed", ["u = −⅙ x₁ at the upper bound", "η = −2 u − 4 λₓ₂, ≥ 0"]),

@@ -17,6 +17,7 @@ from quito_cli.optimality.page_ends import constraint_lines, end_lines
 from quito_cli.optimality.probes import Probe
 from quito_cli.optimality.setting import MOST_LINES, Setting
 from quito_cli.optimality.transversality import transversality
+from quito_cli.problem.language.syntax import parse
 from quito_cli.problem.mathematics.notation import Piece
 from quito_cli.problem.mathematics.page import Line, latex_page, unicode_page
 from quito_cli.problem.named import with_named_constants
@@ -47,7 +48,7 @@ def derivation(problem: Problem, *, latex: bool) -> str:
         Part("Controls", tuple(control_lines(setting))),
         Part("Constraints", tuple(constraint_lines(setting))),
         Part("Ends", tuple(end_lines(setting))),
-        Part("where", (*_expressions(problem, setting), *_constants(setting))),
+        Part("where", (*_expressions(problem, setting), *_constants(problem, setting))),
     ]
     return "\n\n".join(_laid_out(part, latex) for part in parts if part.lines)
 
@@ -65,8 +66,8 @@ def _hamiltonian(problem: Problem, setting: Setting) -> Iterator[Line]:
     text = _summed(problem, setting.of)
     piece = setting.of.piece(text) if text else None
     if piece is None:
-        general = setting.maths("H = L + λᵀf", r"H = L + \lambda^{\top} f")
-        yield setting.say(general, ", too long to write out")
+        general = setting.maths("L + λᵀf", r"L + \lambda^{\top} f")
+        yield setting.equation(setting.letter("H"), general, ", too long to write out")
     else:
         yield setting.equation(setting.letter("H"), piece)
     yield setting.say("to be minimised by the controls; the costates are ", setting.costate_is)
@@ -102,7 +103,7 @@ def _summed(problem: Problem, of: Formulas) -> str:
 
 def _adjoint(setting: Setting) -> Iterator[Line]:
     of = setting.of
-    rule = setting.maths("dλ/dt = −∂H/∂x", r"\dot\lambda = -\partial H/\partial x")
+    rule = setting.adjoint
     rows = any(row.value.numel() for row in of.system.rows)
     extra: Sequence[str | Piece] = ()
     if rows:
@@ -128,10 +129,12 @@ def _expressions(problem: Problem, setting: Setting) -> Iterator[Line]:
         yield setting.say("with vectors and matrices as in the problem")
 
 
-def _constants(setting: Setting) -> Iterator[Line]:
+def _constants(problem: Problem, setting: Setting) -> Iterator[Line]:
+    times = (problem.time.initial, problem.time.final)
+    spoken = {name for time in times if isinstance(time, str) for name in parse(time).names}
     k, notation = setting.of.system.constants, setting.of.notation
     pairs = zip(k.names, k.values.tolist(), strict=True)
-    used = [(name, value) for name, value in pairs if name in setting.used_constants]
+    used = [(name, value) for name, value in pairs if name in setting.used_constants | spoken]
     texts = [
         f"{notation.symbols[name].text(notation.latex)} = {notation.signed(notation.number(value))}"
         for name, value in used

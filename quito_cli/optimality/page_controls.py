@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -135,8 +136,9 @@ def _affine(setting: Setting, i: int, interior: tuple[int, ...], *, arcs: bool) 
 def _singular(setting: Setting, arc: Singular, u: Piece, sigma: Piece) -> Iterator[Line]:
     """Write A, the sign it needs, the costates on the arc and the feedback."""
     degree = arc.degrees[0]
-    a, text = setting.maths("A", "A"), setting.joined(u)
-    form = setting.maths(f"A {text} + B", rf"A\,{text} + B")
+    a, b, text = setting.letter("A"), setting.joined(setting.letter("B")), setting.joined(u)
+    front = setting.joined(a)
+    form = setting.maths(f"{front} {text} + {b}", rf"{front}\,{text} + {b}")
     (value,) = [None] if arc.coefficient is None else setting.of.values(arc.coefficient)
     yield setting.equation(setting.derived(sigma, degree), form)
     yield setting.equation(a, value)
@@ -159,8 +161,7 @@ def _on_the_arc(setting: Setting, arc: Singular, found: Eliminated, u: Piece) ->
         yield setting.say("with the other controls on their bounds, or as above")
     order = arc.order
     if order is not None and found.clebsch is not None:
-        sign = "−A" if order % 2 else "A"
-        left = setting.maths(sign, sign.replace("−", "-"))
+        left = replace(setting.letter("A"), negative=order % 2 == 1)
         yield from setting.quotient(left, found.clebsch)
         words = f" must not be negative (Legendre-Clebsch, order {order})"
         yield setting.say(left, words)

@@ -37,17 +37,22 @@ def _general(setting: Setting) -> Iterator[Line]:
     """Write what is the same on all arcs."""
     state = any(not row.mixed for row in setting.of.system.rows)
     eta = setting.letter("eta")
-    pull = setting.maths("∂C/∂x", r"\partial C/\partial x")
-    s = (" or the derivative of S in which a control appears",) if state else ()
-    yield setting.say("where a constraint is active, C = 0 determines a control; C is its value")
-    yield setting.say("less the bound", *s)
-    slope = setting.maths("dλ/dt = −∂H/∂x − ", r"\dot\lambda = -\partial H/\partial x - ")
-    yield setting.say(slope, eta, setting.maths(" ", r"\,"), pull)
+    c, s = setting.letter("C"), setting.letter("S")
+    pull = setting.slope(c, setting.maths("x", "x"))
+    zero = Piece((f"{setting.joined(c)} = 0",))
+    yield setting.say("where a constraint is active, ", zero, " determines a control;")
+    yield setting.say(c, " is its value less the bound")
+    if state:
+        first = ("or, where no control is in that difference ", s, ", the first derivative of ", s)
+        yield setting.say(*first, " with one")
+    yield setting.say(
+        setting.adjoint, setting.maths(" − ", " - "), eta, setting.maths(" ", r"\,"), pull
+    )
     if state:
         costate = setting.maths("λ", r"\lambda")
-        yield setting.say("S is a value without a control, less its bound; where the arc begins, S")
-        words = " jumps along their gradients"
-        yield setting.say("and its derivatives before C vanish, and ", costate, words)
+        words = " and its derivatives before that vanish, and "
+        yield setting.say("where the arc begins, ", s, words, costate)
+        yield setting.say("jumps along their gradients")
 
 
 def _comparison(setting: Setting, row: Row) -> Line:
@@ -74,8 +79,8 @@ def _arc(setting: Setting, arc: Active) -> Iterator[Line]:
         return
     side = " at " + ("the upper bound" if arc.upper else "the lower bound")
     if order:
-        s = setting.maths("S", "S")
-        left = Piece((f"C = {setting.joined(setting.derived(s, order))}",))
+        s, c = setting.letter("S"), setting.joined(setting.letter("C"))
+        left = Piece((f"{c} = {setting.joined(setting.derived(s, order))}",))
         yield setting.equation(left, setting.one(arc.held), f", of order {order}")
         side = ""
     elif row.lower == row.upper:

@@ -23,12 +23,13 @@ MOST_LINES = 12
 """States, controls, or rows of constraints that are written out."""
 
 _LETTERS = {
-    "H": ("H", "ℋ", r"\mathcal{H}"),
-    "sigma": ("σ", "ς", r"\varsigma"),
-    "eta": ("η", "χ", r"\chi"),
+    "sigma": (("σ", r"\sigma"), ("ς", r"\varsigma")),
+    "eta": (("η", r"\eta"), ("χ", r"\chi")),
+} | {
+    plain: ((plain, plain), (script, rf"\mathcal{{{plain}}}"))
+    for plain, script in zip("ABCDHNS", "𝒜ℬ𝒞𝒟ℋ𝒩𝒮", strict=True)
 }
-"""Letters of the derivation: unicode, and both forms of another one where the problem has it."""
-_LATEX = {"H": "H", "sigma": r"\sigma", "eta": r"\eta"}
+"""Letters of the derivation, unicode and LaTeX, and others where the problem has them itself."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,21 +85,27 @@ class Setting:
             whole = self.of.quotients(expression)[0]
             yield self.equation(left, whole, *words)
             return
-        n, d = self.maths("N", "N"), self.maths("D", "D")
+        n, d = self.letter("N"), self.letter("D")
         yield self.equation(left, self.of.notation.quotient(n, d), ", where", *words)
         yield self.equation(n, above)
         yield self.equation(d, below)
 
     def letter(self, name: str) -> Piece:
-        """Give H, σ or η, or another letter where the problem uses it."""
-        unicode, *other = _LETTERS[name]
-        taken = any(s.text(False) == unicode for s in self.of.notation.symbols.values())
-        return self.maths(*(other if taken else (unicode, _LATEX[name])))
+        """Give a letter of the derivation, or another one where the problem uses it."""
+        usual, other = _LETTERS[name]
+        taken = any(s.text(False) == usual[0] for s in self.of.notation.symbols.values())
+        return self.maths(*(other if taken else usual))
 
     def slope(self, above: Piece, below: Piece) -> Piece:
         """Write a partial derivative."""
         a, b = self._text(above), self._text(below)
         return self.maths(f"∂{a}/∂{b}", rf"\partial {a}/\partial {b}")
+
+    @cached_property
+    def adjoint(self) -> Piece:
+        """dλ/dt = −∂H/∂x."""
+        slope = self._text(self.slope(self.letter("H"), self.maths("x", "x")))
+        return self.maths(f"dλ/dt = −{slope}", rf"\dot\lambda = -{slope}")
 
     @cached_property
     def costate_is(self) -> Piece:
@@ -149,6 +156,8 @@ class Setting:
 
     def number(self, value: float) -> Piece:
         """Write a number."""
+        if len(f"{value:.15g}") < 9:
+            return self.of.notation.number(value)
         text = Writer(Reader(()), (), ()).text(constant(value))
         return self.of.piece(text) or self.of.notation.number(value)
 
