@@ -46,18 +46,31 @@ def show(
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object, and nothing else.")
     ] = False,
+    pontryagin: Annotated[
+        bool,
+        typer.Option(
+            "--pontryagin",
+            help="Derive Pontryagin's conditions of a problem; with --latex as LaTeX.",
+        ),
+    ] = False,
 ) -> None:
     """Show a result with its evidence, or a problem as mathematics."""
     from quito_cli.solution.store import is_result
 
     if as_yaml + latex + as_json > 1:
         raise UsageError("--yaml, --latex and --json exclude each other")
+    if pontryagin and (as_yaml or as_json):
+        raise UsageError("--pontryagin goes with --latex only")
     if Path(what).suffix == ".h5" or is_result(Path(what)):
+        if pontryagin:
+            raise UsageError(f"{what} is a result: --pontryagin takes the problem, so name that")
         if as_yaml or latex:
             raise UsageError(f"{what} is a result: --yaml and --latex are for problems")
         _show_result(Path(what), as_json)
     elif as_yaml:
         _print_file(what)
+    elif pontryagin:
+        _show_derivation(what, latex)
     else:
         _show_problem(what, as_json, latex)
 
@@ -106,6 +119,16 @@ def _show_problem(where: str, as_json: bool, latex: bool) -> None:
         _published(problem.published),
     ]
     typer.echo("\n\n".join(paragraph for paragraph in paragraphs if paragraph))
+
+
+def _show_derivation(where: str, latex: bool) -> None:
+    from quito_cli.cli.text import plain
+    from quito_cli.optimality.page import derivation
+    from quito_cli.problem.load import load
+
+    problem = load(where)
+    text = plain(derivation(problem, latex=latex))
+    typer.echo(text if latex else f"{_heading(problem)}\n\n{text}")
 
 
 def _heading(problem: Problem) -> str:

@@ -76,10 +76,10 @@ def try_build(problem: Problem, poisoned: Iterable[str] = ()) -> tuple[Model, li
         scopes.u,
         scopes.p,
         scopes.t,
-        _dynamics(scopes),
-        sense * _cost(scopes, "lagrange"),
+        dynamics(scopes),
+        sense * cost(scopes, "lagrange"),
         scopes.ends,
-        sense * _cost(scopes, "mayer"),
+        sense * cost(scopes, "mayer"),
         state_bounds,
         control_bounds,
         parameter_bounds,
@@ -97,7 +97,8 @@ def try_build(problem: Problem, poisoned: Iterable[str] = ()) -> tuple[Model, li
     return model, reader.complaints
 
 
-def _dynamics(scopes: Scopes) -> ca.SX:
+def dynamics(scopes: Scopes) -> ca.SX:
+    """Return the derivatives of the states, (n_x, 1)."""
     import casadi as ca
 
     names, given = [v.name for v in scopes.states], scopes.problem.dynamics
@@ -152,7 +153,7 @@ def _derivative(
     return derivative
 
 
-def _cost(scopes: Scopes, kind: str) -> ca.SX:
+def cost(scopes: Scopes, kind: str) -> ca.SX:
     """Return the Lagrange or Mayer cost, a scalar, in the file's sense."""
     import casadi as ca
 

@@ -146,6 +146,11 @@ class Scopes:
             for name, called in varying.items()
         }
 
+    def name_constants(self, symbols: Mapping[str, ca.SX]) -> None:
+        """Let formulas along the horizon and at its ends read these symbols for constants."""
+        self.constants |= symbols
+        self.along, self.mayer, self.boundary = self._scopes()
+
     def _scopes(self) -> tuple[Scope, Scope, Scope]:
         """Return the scopes along the horizon, of the Mayer cost and of boundary constraints."""
         fixed = {**self.constants, **_entries(self.parameters, self.p)}

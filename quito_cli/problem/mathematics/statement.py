@@ -28,7 +28,7 @@ _LONGEST: Final = 8
 
 def render(problem: Problem, *, latex: bool) -> str:
     """Write a problem as mathematics: plain text in unicode, or a LaTeX display with amsmath."""
-    page = _Page(problem, _notation(problem, latex))
+    page = _Page(problem, notation_of(problem, latex))
     sense = getattr(problem, "sense", "minimize").replace("ize", "ise")
     sections: list[Section] = [
         (sense, [page.objective()]),
@@ -40,7 +40,7 @@ def render(problem: Problem, *, latex: bool) -> str:
     return lay_out([section for section in sections if section[1]], page.unknowns())
 
 
-def _notation(problem: Problem, latex: bool) -> Notation:
+def notation_of(problem: Problem, latex: bool) -> Notation:
     """Give the symbols of a problem and its horizon."""
     fixed = {**problem.constants, **getattr(problem, "tables", {})}
     sized = {**problem.states, **problem.controls, **getattr(problem, "parameters", {})}
