@@ -1,0 +1,61 @@
+"""What Pontryagin's conditions say of an answer: its arcs, and a certificate, condition by condition."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+Kind = Literal["lower", "upper", "interior", "singular", "active", "inactive"]
+"""Of a control: at its lower or upper bound, between them, or between them where the Hamiltonian is
+affine in it; of a constraint: active or not."""
+Verdict = Literal["holds", "holds to discretization accuracy", "fails", "not applicable"]
+
+
+@dataclass(frozen=True)
+class Arc:
+    """A stretch of time on which a control, or a constraint, is of one kind."""
+
+    of: str
+    """Label of the control, or name of the constraint."""
+    kind: Kind
+    start: float
+    end: float
+    start_uncertainty: float
+    """Half the time within which the arc begins; 0 at the ends of the horizon."""
+    end_uncertainty: float
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A row of the certificate."""
+
+    condition: str
+    """As a person would name it, such as "dH/du = 0 on interior arcs of u"."""
+    residual: float
+    """Largest violation; NaN where the condition does not apply."""
+    scale: float
+    """What the residual is judged by."""
+    time: float
+    """Where it is worst; NaN where that means nothing."""
+    verdict: Verdict
+    reason: str
+    """Why it does not apply, or what fails; empty where it holds."""
+
+
+@dataclass(frozen=True)
+class Extremal:
+    """An answer in the light of Pontryagin's conditions."""
+
+    arcs: tuple[Arc, ...]
+    """By control in the file's order, then by constraint; each in the order of time."""
+    certificate: tuple[Condition, ...]
+    times: Array
+    """(points,) at which what follows is sampled, increasing, finer where cells are small."""
+    curves: Mapping[str, Array]
+    """(points,) each, by name: the Hamiltonian, the switching function of each control."""
