@@ -163,10 +163,12 @@ def solve(
     import numpy as np
 
     from quito_cli.on_mesh import Task, method_on
+    from quito_cli.on_meshes import solver_of
     from quito_cli.problem.build import build
     from quito_cli.problem.load import changed, load
     from quito_cli.refinement.refine import Limits, refine
     from quito_cli.solution.follow import guided
+    from quito_cli.solvers.interruption import interruptible
     from quito_cli.transcription.mesh import Mesh
 
     if isinstance(problem, str | Path):
@@ -187,16 +189,13 @@ def solve(
     built, warm = time.perf_counter() - started, earlier if chosen.warm_start else None
     if chosen.mesh == "uniform":
         return task.on(mesh, warm, built)
-    return refine(
-        model,
-        lambda mesh, substeps, last: (
-            task.on(mesh, warm, built) if last is None else task.again(mesh, substeps, last)
-        ),
-        mesh,
-        chosen.substeps,
-        method_on(chosen, mesh).order,
-        Limits(chosen.mesh_tolerance, chosen.mesh_iterations, chosen.most_cells, points),
+    order = method_on(chosen, mesh).order
+    limits = Limits(
+        chosen.mesh_tolerance, chosen.mesh_iterations, chosen.most_cells, np.unique(points)
     )
+    with interruptible() as interruption:
+        solve_on = solver_of(task, warm, built, interruption)
+        return refine(model, solve_on, mesh, chosen.substeps, order, limits)
 
 
 def _refuse_warm_start(options: Options, earlier: Solution | None, problem: Problem) -> None:

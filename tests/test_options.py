@@ -242,10 +242,11 @@ def test_the_most_cells_an_adaptive_mesh_may_come_to() -> None:
     assert resolve(mesh="adaptive").most_cells == 200
     assert resolve(mesh="adaptive", steps=30).most_cells == 60
     assert resolve(mesh="adaptive", steps=30, mesh_limit=30).most_cells == 30
-    for given, said in (
+    refused: tuple[tuple[dict[str, Any], str], ...] = (
         ({"mesh_limit": 99}, "99 cells does not hold the 100 .* take fewer --mesh-steps"),
         ({"mesh_limit": 29, "steps": 30}, "29 cells does not hold the 30 .* take fewer --steps"),
-    ):
+    )
+    for given, said in refused:
         with pytest.raises(quito.UsageError, match=rf"^a mesh-limit of {said}"):
             resolve(mesh="adaptive", **given)
         with pytest.raises(quito.UsageError, match=rf"^a mesh-limit of {said}"):
