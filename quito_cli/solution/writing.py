@@ -196,10 +196,10 @@ def _write_refinement(into: _Group, refinement: Refinement) -> None:
     rounds, account = refinement.rounds, refinement.account
     into.group.attrs["kept"], into.group.attrs["outcome"] = refinement.kept, refinement.outcome
     into.axis("round", np.arange(len(rounds)))
-    into.data("cells", np.array([len(r.nodes) - 1 for r in rounds]), "round")
+    into.data("cells", np.array([one.cells for one in rounds]), "round")
     for field in fields(Round):
         if field.name != "nodes":
-            into.data(field.name, np.array([getattr(r, field.name) for r in rounds]), "round")
+            into.data(field.name, np.array([getattr(one, field.name) for one in rounds]), "round")
     for i, one in enumerate(rounds):
         into.axis(f"nodes_{i:03}", one.nodes)
     if account is None:
