@@ -1,7 +1,7 @@
 """Meshes that follow the control: what they are made of, and what they reach.
 
-Switching times, controls and costs are those of the files' references, which are verified apart from
-quito (see test_references and test_derivations).
+Switching times, controls and costs are those of the files' references, which are verified apart
+from quito (see test_references and test_derivations).
 """
 
 from __future__ import annotations

@@ -53,14 +53,15 @@ def switching_times(
         window = max(limits[i], time - reach), min(limits[i + 1], time + reach)
         middle = (before[i, control] + after[i, control]) / 2
         rising = after[i, control] > before[i, control]
+        crossing = time
         for _ in range(1 + CLOSER):
             grid = np.linspace(*window, POINTS)
             values = (answer(grid)[:, control] - middle) * (1 if rising else -1)
-            time = _crossing(grid, values, time)
-            if np.isnan(time):
+            crossing = _crossing(grid, values, crossing)
+            if np.isnan(crossing):
                 break
-            window = time - (grid[1] - grid[0]), time + (grid[1] - grid[0])
-        found.append(time)
+            window = crossing - (grid[1] - grid[0]), crossing + (grid[1] - grid[0])
+        found.append(crossing)
     return tuple(found)
 
 
