@@ -7,7 +7,7 @@ from dataclasses import asdict
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from quito_cli.cli.text import columns
+from quito_cli.cli.text import columns, instant
 
 if TYPE_CHECKING:
     from quito_cli.solution.junctions import Junction
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
 _MOST_JUNCTIONS = 8
 """Lines of a summary; all of them are in the result."""
-_DIGITS = 12
-"""Digits of a time after the point, at most."""
 
 _HEADS = (
     *("mesh", "cells", "substeps", "shortest", "cost", "re-simulated"),
@@ -46,16 +44,7 @@ def _junction(solution: Solution, junction: Junction) -> str:
     size = max(abs(junction.before), abs(junction.after))
     before, after = _rounded(junction.before, size), _rounded(junction.after, size)
     what = f"jumps {before} → {after}" if junction.kind == "jump" else f"bends at {before}"
-    return f"{_time(junction)}  {name} {what}"
-
-
-def _time(junction: Junction) -> str:
-    """Return a time to as many digits as it is known."""
-    width = junction.uncertainty
-    if not width > 0:
-        return f"{junction.time:.10g}"
-    digits = min(max(math.ceil(-math.log10(width)), 0), _DIGITS)
-    return f"{junction.time:.{digits}f} ± {width:.0e}"
+    return f"{instant(junction.time, junction.uncertainty)}  {name} {what}"
 
 
 def _rounded(value: float, size: float) -> str:

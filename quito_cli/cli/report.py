@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from quito_cli.cli.certificate import arc_rows, arcs_as_list, certificate_as_list, pontryagin_rows
 from quito_cli.cli.meshes import (
     junction_rows,
     junctions_as_list,
@@ -69,7 +70,9 @@ def as_dictionary(solution: Solution, result: Path | None, plot: Path | None) ->
         "switching_times": list(solution.switching_times),
         "junctions": junctions_as_list(solution),
         "refinement": refinement_as_dictionary(solution.refinement),
-        "warnings": list(evidence.warnings),
+        "arcs": arcs_as_list(solution),
+        "certificate": certificate_as_list(solution),
+        "warnings": list(solution.warnings),
         "diagnosis": list(evidence.diagnosis),
         "set": dict(solution.origin.changes),
         "options": dict(solution.options),
@@ -102,15 +105,15 @@ def print_solution(
         typer.style(plain(solution.origin.title or solution.origin.name), bold=True)
         + f"\n{word} {solution.status.value}"
         + "".join(f"\n  {plain(sentence)}" for sentence in solution.evidence.diagnosis),
-        labelled(_figures(solution)),
+        labelled([*_figures(solution), *pontryagin_rows(solution, verbose=verbose)]),
     ]
     if verbose:
         if solution.refinement is not None:
             paragraphs.append(rounds_table(solution.refinement))
         paragraphs += [_all_violations(solution), labelled(_options(solution))]
-    if solution.evidence.warnings:
+    if solution.warnings:
         mark = typer.style("Warning:", bold=True, fg="yellow")
-        paragraphs.append("\n".join(f"{mark} {plain(text)}" for text in solution.evidence.warnings))
+        paragraphs.append("\n".join(f"{mark} {plain(text)}" for text in solution.warnings))
     written = [str(path) for path in files if path is not None]
     if written:
         paragraphs.append(f"Saved {' and '.join(written)}")
@@ -161,7 +164,7 @@ def _figures(solution: Solution) -> list[tuple[str, str]]:
             continue
         pairs = zip(names, values, strict=True)
         rows.append((label, ", ".join(f"{name} {value:.3g}" for name, value in pairs)))
-    return [*rows, *junction_rows(solution), *mesh_rows(solution)]
+    return [*rows, *junction_rows(solution), *arc_rows(solution), *mesh_rows(solution)]
 
 
 def _cost(solution: Solution) -> str:

@@ -53,6 +53,13 @@ def show(
             help="Derive Pontryagin's conditions of a problem; with --latex as LaTeX.",
         ),
     ] = False,
+    certificate: Annotated[
+        bool,
+        typer.Option(
+            "--certificate",
+            help="Of a result, all of Pontryagin's conditions with their residuals and verdicts.",
+        ),
+    ] = False,
 ) -> None:
     """Show a result with its evidence, or a problem as mathematics."""
     from quito_cli.solution.store import is_result
@@ -61,12 +68,25 @@ def show(
         raise UsageError("--yaml, --latex and --json exclude each other")
     if pontryagin and (as_yaml or as_json):
         raise UsageError("--pontryagin goes with --latex only")
+    if certificate and (as_yaml or latex or as_json or pontryagin):
+        raise UsageError(
+            "--certificate goes with no other option; --json without it has the certificate too"
+        )
     if Path(what).suffix == ".h5" or is_result(Path(what)):
         if pontryagin:
             raise UsageError(f"{what} is a result: --pontryagin takes the problem, so name that")
         if as_yaml or latex:
             raise UsageError(f"{what} is a result: --yaml and --latex are for problems")
-        _show_result(Path(what), as_json)
+        if certificate:
+            _show_certificate(Path(what))
+        else:
+            _show_result(Path(what), as_json)
+    elif certificate:
+        raise UsageError(
+            f"{what} is no result: --certificate takes the file of one, such as results/"
+            f"{Path(what).stem}.h5; what the conditions of a problem are says quito show {what} "
+            "--pontryagin"
+        )
     elif as_yaml:
         _print_file(what)
     elif pontryagin:
@@ -84,6 +104,24 @@ def _show_result(path: Path, as_json: bool) -> None:
         typer.echo(json.dumps(as_dictionary(solution, path, None), ensure_ascii=False))
     else:
         print_solution(solution, verbose=True)
+
+
+def _show_certificate(path: Path) -> None:
+    from quito_cli.cli.certificate import certificate_page
+    from quito_cli.solution.solution import Solution
+
+    solution = Solution.load(path)
+    if solution.extremal is None:
+        raise UsageError(
+            f"{path} has no certificate: it is older than certificates, or was not solved; solve "
+            "it again"
+        )
+    typer.echo(certificate_page(solution, _room()))
+
+
+def _room() -> int | None:
+    """Return the width of the terminal; None where there is none."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else None
 
 
 def _print_file(where: str) -> None:
@@ -141,7 +179,7 @@ def _heading(problem: Problem) -> str:
 
 def _wrapped(text: str, *, indent: int = 0) -> str:
     """Return text within the width of the terminal, its paragraphs kept."""
-    room = min(_WIDTH, shutil.get_terminal_size().columns) if sys.stdout.isatty() else _WIDTH
+    room = min(_WIDTH, _room() or _WIDTH)
     return "\n".join(
         fill(line, max(20, room - indent), break_long_words=False, break_on_hyphens=False)
         for line in text.strip().splitlines()

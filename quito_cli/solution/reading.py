@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.problem.shapes import Ball, Block
 from quito_cli.solution.junctions import Junction
+from quito_cli.solution.optimal import Arc, Condition, Extremal, Kind, Verdict
 from quito_cli.solution.rounds import Account, Refinement, Round
 from quito_cli.solution.solution import (
     Drawing,
@@ -65,6 +66,7 @@ def read(file: h5py.File) -> Solution:
         adjoint,
         _read_junctions(file),
         _read_refinement(file["refinement"]) if "refinement" in file else None,
+        _read_extremal(file["optimality"]) if "optimality" in file else None,
     )
 
 
@@ -115,6 +117,32 @@ def _read_account(group: h5py.Group) -> Account:
     zones = tuple((float(start), float(end)) for start, end in group["left_out"][:])
     names = [field.name for field in fields(Account) if field.name != "left_out"]
     return Account(left_out=zones, **{name: float(group.attrs[name]) for name in names})
+
+
+def _read_extremal(group: h5py.Group) -> Extremal:
+    arcs, rows = _columns(group["arcs"], Arc), _columns(group["certificate"], Condition)
+    for found, possible in (
+        *((a["kind"], Kind) for a in arcs),
+        *((r["verdict"], Verdict) for r in rows),
+    ):
+        if found not in get_args(possible):
+            raise ValueError(f"{found} is none of {', '.join(get_args(possible))}")
+    return Extremal(
+        tuple(Arc(**arc) for arc in arcs),
+        tuple(Condition(**row) for row in rows),
+        group["time"][:],
+        {str(name): group["curves"][i] for i, name in enumerate(group["curve"].asstr()[:])},
+    )
+
+
+def _columns(group: h5py.Group, kind: Any) -> list[dict[str, Any]]:
+    """Return the fields of a dataclass, value by value, as Python's own numbers and texts."""
+    names = [field.name for field in fields(kind)]
+    columns = [
+        group[f.name][:].tolist() if f.type == "float" else map(str, group[f.name].asstr()[:])
+        for f in fields(kind)
+    ]
+    return [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
 
 
 def _read_curves(group: h5py.Group) -> tuple[Curve, Curve | None]:

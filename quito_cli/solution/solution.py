@@ -13,8 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from quito_cli.problem.shapes import Ball, Block
 from quito_cli.solution.junctions import Junction
+from quito_cli.solution.optimal import Arc, Condition, Extremal
 from quito_cli.solution.rounds import Refinement
 from quito_cli.solution.trajectory import Curve
+from quito_cli.solution.verdicts import doubts
 from quito_cli.solution.violations import Violation
 from quito_cli.solvers.outcome import Status
 from quito_cli.transcription.control import Basis
@@ -182,10 +184,14 @@ class Solution:
     """Jumps and kinks of the controls, by time."""
     refinement: Refinement | None = None
     """How the mesh was found; None of a uniform one."""
+    extremal: Extremal | None = None
+    """Arcs and certificate; None where there was no answer to look at, or in older files."""
 
     def __post_init__(self) -> None:
         curves = [vars(curve).values() for curve in (self.trajectory, self.adjoint) if curve]
-        for value in (*vars(self).values(), *chain(*curves)):
+        sampled = () if self.extremal is None else self.extremal.curves.values()
+        times = () if self.extremal is None else (self.extremal.times,)
+        for value in (*vars(self).values(), *chain(*curves), *sampled, *times):
             if isinstance(value, np.ndarray):
                 value.flags.writeable = False
 
@@ -208,6 +214,21 @@ class Solution:
                 found.append(junction.time)
                 ends.append(junction.time + junction.uncertainty)
         return tuple(found)
+
+    @property
+    def arcs(self) -> tuple[Arc, ...]:
+        """Stretches of time by control and constraint; none where there is no certificate."""
+        return self.extremal.arcs if self.extremal is not None else ()
+
+    @property
+    def certificate(self) -> tuple[Condition, ...]:
+        """Pontryagin's conditions, one by one; none where they were not looked at."""
+        return self.extremal.certificate if self.extremal is not None else ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a reader must know before believing the answer: of its evidence and certificate."""
+        return (*self.evidence.warnings, *doubts(self.certificate))
 
     @property
     def mesh(self) -> Mesh:

@@ -12,6 +12,9 @@
     refinement     of an adaptive mesh: by round its cells, substeps, costs, gap, violation, change,
                    blur, iterations and seconds, and the nodes of each; which was kept, and why it
                    ended; in `account` the estimates of the control's error
+    optimality     Pontryagin's conditions: in `arcs` of which control or constraint, of which kind,
+                   both ends and how uncertain they are; in `certificate` condition, residual,
+                   scale, worst time, verdict, reason; Hamiltonian and switching functions by time
     multipliers    of the nonlinear program's rows, by block
     iterations     objective, infeasibilities, barrier parameter
     statistics     cost, counts, times, and every figure of the evidence

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from quito_cli.solution.optimal import Arc, Condition, Extremal
 from quito_cli.solution.rounds import Refinement, Round
 from quito_cli.solution.solution import Drawing, Evidence, Solution
 from quito_cli.solution.trajectory import Polynomials, Trajectory
@@ -82,6 +83,8 @@ def write(file: h5py.File, solution: Solution) -> None:
     _write_junctions(_Group(file, "junctions"), solution)
     if solution.refinement is not None:
         _write_refinement(_Group(file, "refinement"), solution.refinement)
+    if solution.extremal is not None:
+        _write_extremal(_Group(file, "optimality"), solution.extremal)
     multipliers = _Group(file, "multipliers")
     for name, values in sorted(solution.multipliers.items()):
         key = name.replace(" ", "_")
@@ -212,6 +215,26 @@ def _write_refinement(into: _Group, refinement: Refinement) -> None:
     inner.data("left_out", zones, "zone", "side")
     for name, value in numbers.items():
         inner.group.attrs[name] = value
+
+
+def _write_extremal(into: _Group, extremal: Extremal) -> None:
+    arcs, rows = _Group(into.group, "arcs"), _Group(into.group, "certificate")
+    arcs.axis("arc", np.arange(len(extremal.arcs)))
+    _write_fields(arcs, Arc, extremal.arcs, "arc")
+    rows.axis("row", np.arange(len(extremal.certificate)))
+    _write_fields(rows, Condition, extremal.certificate, "row")
+    into.axis("time", extremal.times)
+    into.axis("curve", _texts(extremal.curves))
+    curves = np.array(list(extremal.curves.values()), dtype=float)
+    into.data("curves", curves.reshape(len(curves), len(extremal.times)), "curve", "time")
+
+
+def _write_fields(into: _Group, kind: Any, values: tuple[Any, ...], axis: str) -> None:
+    """Write each field of a dataclass, text or number, along the values."""
+    for field in fields(kind):
+        column = [getattr(value, field.name) for value in values]
+        numbers = field.type == "float"  # the annotation as it is written
+        into.data(field.name, np.array(column, dtype=float) if numbers else _texts(column), axis)
 
 
 def _write_statistics(into: _Group, solution: Solution) -> None:

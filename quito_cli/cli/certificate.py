@@ -1,0 +1,181 @@
+"""Arcs and the certificate of Pontryagin's conditions, for people and for programs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from quito_cli.cli.text import columns, instant, labelled, plain
+from quito_cli.solution.verdicts import CAVEAT, verdict
+
+if TYPE_CHECKING:
+    from quito_cli.solution.optimal import Arc, Condition
+    from quito_cli.solution.solution import Solution
+
+_MOST_ARCS, _MOST_LISTS = 8, 6
+"""Arcs of a control, and controls and constraints, in a summary; all are in the result."""
+_WIDTH = 90
+"""Of a line of arcs."""
+_OF_CONSTRAINTS = ("active", "inactive")
+_HEADS = ("condition", "residual", "scale", "worst at t", "verdict")
+_COLOURS = {"fails": "red", "not applicable": "bright_black"}
+"""Of the rows of the table, by verdict."""
+_BELOW = "      "
+"""Before the reason of a verdict."""
+_NARROW_CONDITION, _NARROW_VERDICT = 24, 14
+"""Columns that a row needs at least: no word of theirs is longer."""
+
+
+def arc_rows(
+    solution: Solution, most_arcs: int = _MOST_ARCS, most_lists: int = _MOST_LISTS
+) -> list[tuple[str, str]]:
+    """Return the arcs of each control, and when each constraint is active."""
+    lists = [
+        line for arcs in _by_quantity(solution.arcs) for line in (_arcs(arcs, most_arcs),) if line
+    ]
+    shown = [line for lines in lists[:most_lists] for line in lines]
+    if len(lists) > most_lists:
+        shown.append(f"and those of {len(lists) - most_lists} more controls or constraints")
+    return [("arcs" if i == 0 else "", line) for i, line in enumerate(shown)]
+
+
+def _by_quantity(arcs: Sequence[Arc]) -> Iterator[list[Arc]]:
+    """Yield the arcs of each control and constraint; one of each may share a name."""
+    found: list[Arc] = []
+    for arc in arcs:
+        if found and (arc.of != found[-1].of or arc.start < found[-1].start):
+            yield found
+            found = []
+        found.append(arc)
+    if found:
+        yield found
+
+
+def _arcs(arcs: list[Arc], most: int) -> list[str]:
+    """Return the arcs of one control, or the active ones of a constraint, in as few lines as hold
+    them; nothing of a constraint that is never active."""
+    if all(arc.kind in _OF_CONSTRAINTS for arc in arcs):
+        start, end = arcs[0].start, arcs[-1].end
+        active = [arc for arc in arcs if arc.kind == "active"]
+        told = [_stretch(arc, start, end) for arc in active]
+        begin = "active "
+    else:
+        told = [f"{arc.kind} to {instant(arc.end, arc.end_uncertainty)}" for arc in arcs[:-1]] + [
+            arcs[-1].kind if len(arcs) > 1 else f"{arcs[-1].kind} throughout"
+        ]
+        begin = ""
+    if not told:
+        return []
+    if len(told) > most:
+        told = [*told[:most], f"and {len(told) - most} more arcs"]
+    return _lines(f"{arcs[0].of}: {begin}", told)
+
+
+def _stretch(arc: Arc, start: float, end: float) -> str:
+    """Return when a constraint is active."""
+    if arc.start <= start and arc.end >= end:
+        return "throughout"
+    begins = instant(arc.start, arc.start_uncertainty)
+    if arc.end <= arc.start:
+        return f"at {begins}"
+    if arc.start <= start:
+        return f"to {instant(arc.end, arc.end_uncertainty)}"
+    if arc.end >= end:
+        return f"from {begins}"
+    return f"from {begins} to {instant(arc.end, arc.end_uncertainty)}"
+
+
+def _lines(start: str, parts: Sequence[str]) -> list[str]:
+    """Return parts with commas between them, broken between parts, aligned below the first."""
+    lines = [start + parts[0]]
+    for part in parts[1:]:
+        if len(lines[-1]) + len(part) + 3 <= _WIDTH:
+            lines[-1] += f", {part}"
+        else:
+            lines[-1] += ","
+            lines.append(" " * len(start) + part)
+    return lines
+
+
+def pontryagin_rows(solution: Solution, *, verbose: bool) -> list[tuple[str, str]]:
+    """Return the certificate in a line; with `verbose` also what it does not say."""
+    if solution.extremal is None:
+        return []
+    rows = [("Pontryagin", verdict(solution.certificate))]
+    return [*rows, ("", CAVEAT)] if verbose else rows
+
+
+def certificate_page(solution: Solution, room: int | None) -> str:
+    """Return all arcs, and the certificate as a table with its foot.
+
+    Args:
+        solution: one with an extremal.
+        room: columns of the terminal, for which long cells are broken; None leaves them whole.
+    """
+    title = typer.style(plain(solution.origin.title or solution.origin.name), bold=True)
+    everything = len(solution.arcs)
+    rows = [*pontryagin_rows(solution, verbose=False), *arc_rows(solution, everything, everything)]
+    foot = f"{CAVEAT}\nquito show PROBLEM --pontryagin derives the conditions."
+    table = _table(solution.certificate, room)
+    return "\n\n".join(part for part in (title, labelled(rows), table, foot) if part)
+
+
+def _table(certificate: Sequence[Condition], room: int | None) -> str:
+    """Return a row for each condition, with the reason of its verdict below it."""
+    rows = [_row(one) for one in certificate]
+    widths = _widths([_HEADS, *rows], room)
+    lines: list[Sequence[str]] = [_HEADS]
+    ends = [1]
+    for row in rows:
+        cells = [_broken(cell, width) for cell, width in zip(row, widths, strict=True)]
+        height = max(map(len, cells))
+        lines += zip(*(cell + [""] * (height - len(cell)) for cell in cells), strict=True)
+        ends.append(len(lines))
+    aligned = columns(lines, header=True).split("\n")
+    text = aligned[:1]
+    for condition, start, end in zip(certificate, ends[:-1], ends[1:], strict=True):
+        reason = _broken(plain(condition.reason), room and room - len(_BELOW))
+        below = [_BELOW + line for line in reason if line]
+        colour = _COLOURS.get(condition.verdict)
+        text += [typer.style(line, fg=colour) for line in (*aligned[start:end], *below)]
+    return "\n".join(text)
+
+
+def _row(one: Condition) -> tuple[str, ...]:
+    time = "-" if math.isnan(one.time) else f"{one.time:.6g}"
+    return one.condition, _small(one.residual), _small(one.scale), time, one.verdict
+
+
+def _small(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.1e}"
+
+
+def _widths(rows: Sequence[Sequence[str]], room: int | None) -> list[int]:
+    """Return the widths of the columns; conditions and verdicts are broken to fit."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    if room is not None:
+        left = room - 2 * len(widths) - sum(widths[1:-1])
+        widths[-1] = min(widths[-1], max(_NARROW_VERDICT, left - widths[0], left // 3))
+        widths[0] = min(widths[0], max(_NARROW_CONDITION, left - widths[-1]))
+    return widths
+
+
+def _broken(cell: str, width: int | None) -> list[str]:
+    return wrap(cell, width or len(cell) + 1, break_long_words=False, break_on_hyphens=False) or [
+        ""
+    ]
+
+
+def arcs_as_list(solution: Solution) -> list[dict[str, Any]] | None:
+    """Return every arc; None where there is no certificate."""
+    return None if solution.extremal is None else [asdict(arc) for arc in solution.arcs]
+
+
+def certificate_as_list(solution: Solution) -> list[dict[str, Any]] | None:
+    """Return every condition; None where they were not looked at."""
+    return None if solution.extremal is None else [asdict(one) for one in solution.certificate]

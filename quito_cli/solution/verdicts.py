@@ -1,0 +1,68 @@
+"""What a certificate comes to: how many conditions hold, which fails by how much, what to do."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from quito_cli.solution.optimal import Condition
+
+CAVEAT = "It certifies an extremal, not a global optimum."
+"""What no certificate of necessary conditions says."""
+
+
+def applying(certificate: Sequence[Condition]) -> list[Condition]:
+    """Return the conditions that apply to the problem."""
+    return [one for one in certificate if one.verdict != "not applicable"]
+
+
+def failing(certificate: Sequence[Condition]) -> list[Condition]:
+    """Return the conditions that fail, the one furthest from holding first."""
+    failed = [one for one in certificate if one.verdict == "fails"]
+    return sorted(failed, key=lambda one: -_excess(one))
+
+
+def _excess(condition: Condition) -> float:
+    """Return the residual over its scale; what cannot be told is the worst."""
+    if not condition.scale > 0 or math.isnan(condition.residual):
+        return math.inf
+    return condition.residual / condition.scale
+
+
+def verdict(certificate: Sequence[Condition]) -> str:
+    """Return the whole certificate in a line."""
+    count = len(applying(certificate))
+    if not count:
+        return "no condition applies"
+    failed = failing(certificate)
+    if failed:
+        others = f"; {len(failed)} of {count} conditions fail" if len(failed) > 1 else ""
+        return f"FAILS: {told(failed[0])}{others}"
+    rough = sum(one.verdict == "holds to discretization accuracy" for one in certificate)
+    whole = "the one condition holds" if count == 1 else f"all {count} conditions hold"
+    if not rough:
+        return whole
+    return f"{whole} ({f'{rough} ' if rough < count else ''}to discretization accuracy)"
+
+
+def told(condition: Condition) -> str:
+    """Return a condition with the amount by which it is missed, and where."""
+    text, where = condition.condition, f" at t = {condition.time:.5g}"
+    if math.isfinite(excess := _excess(condition)):
+        text += f", by {excess:.0e} of its scale"
+    elif math.isfinite(condition.residual):
+        text += f", by {condition.residual:.0e}"
+    return text + ("" if math.isnan(condition.time) else where)
+
+
+def doubts(certificate: Sequence[Condition]) -> tuple[str, ...]:
+    """Return a warning where a condition fails, as a sentence that says what to do."""
+    failed = failing(certificate)
+    if not failed:
+        return ()
+    others = f" ({len(failed)} conditions fail in all)" if len(failed) > 1 else ""
+    return (
+        f"Pontryagin's conditions do not all hold{others}: {told(failed[0])}. Solve again with "
+        "more cells or --mesh adaptive; what fails then too is no matter of accuracy, and this "
+        "answer no optimum: try another guess",
+    )
