@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from quito_cli.cli.text import columns, instant, labelled, plain
+from quito_cli.solution.structure import by_quantity
 from quito_cli.solution.verdicts import CAVEAT, verdict
 
 if TYPE_CHECKING:
@@ -21,7 +22,8 @@ _MOST_ARCS, _MOST_LISTS = 8, 6
 """Arcs of a control, and controls and constraints, in a summary; all are in the result."""
 _WIDTH = 90
 """Of a line of arcs."""
-_OF_CONSTRAINTS = ("active", "inactive")
+_WORDS = {"active": "on a constraint"}
+"""Of the kinds of a control's arcs, where the kind itself is none."""
 _HEADS = ("condition", "residual", "scale", "worst at t", "verdict")
 _COLOURS = {"fails": "red", "not applicable": "bright_black"}
 """Of the rows of the table, by verdict."""
@@ -35,45 +37,32 @@ def arc_rows(
     solution: Solution, most_arcs: int = _MOST_ARCS, most_lists: int = _MOST_LISTS
 ) -> list[tuple[str, str]]:
     """Return the arcs of each control, and when each constraint is active."""
-    lists = [
-        line for arcs in _by_quantity(solution.arcs) for line in (_arcs(arcs, most_arcs),) if line
-    ]
+    names = [quantity.name for quantity in solution.origin.controls]
+    controls, constraints = by_quantity(solution.arcs, names)
+    lists = [_control(name, arcs, most_arcs) for name, arcs in controls.items()]
+    lists += [_constraint(name, arcs, most_arcs) for name, arcs in constraints.items()]
+    lists = [lines for lines in lists if lines]
     shown = [line for lines in lists[:most_lists] for line in lines]
     if len(lists) > most_lists:
         shown.append(f"and those of {len(lists) - most_lists} more controls or constraints")
     return [("arcs" if i == 0 else "", line) for i, line in enumerate(shown)]
 
 
-def _by_quantity(arcs: Sequence[Arc]) -> Iterator[list[Arc]]:
-    """Yield the arcs of each control and constraint; one of each may share a name."""
-    found: list[Arc] = []
-    for arc in arcs:
-        if found and (arc.of != found[-1].of or arc.start < found[-1].start):
-            yield found
-            found = []
-        found.append(arc)
-    if found:
-        yield found
+def _control(name: str, arcs: list[Arc], most: int) -> list[str]:
+    """Return the arcs of a control in as few lines as hold them."""
+    kinds = [_WORDS.get(arc.kind, arc.kind) for arc in arcs]
+    if len(arcs) == 1:
+        return [f"{name}: {kinds[0]} throughout"]
+    ends = [f" to {instant(arc.end, arc.end_uncertainty)}" for arc in arcs[:-1]]
+    parts = [kind + end for kind, end in zip(kinds, [*ends, ""], strict=True)]
+    return _lines(f"{name}: ", parts, most)
 
 
-def _arcs(arcs: list[Arc], most: int) -> list[str]:
-    """Return the arcs of one control, or the active ones of a constraint, in as few lines as hold
-    them; nothing of a constraint that is never active."""
-    if all(arc.kind in _OF_CONSTRAINTS for arc in arcs):
-        start, end = arcs[0].start, arcs[-1].end
-        active = [arc for arc in arcs if arc.kind == "active"]
-        told = [_stretch(arc, start, end) for arc in active]
-        begin = "active "
-    else:
-        told = [f"{arc.kind} to {instant(arc.end, arc.end_uncertainty)}" for arc in arcs[:-1]] + [
-            arcs[-1].kind if len(arcs) > 1 else f"{arcs[-1].kind} throughout"
-        ]
-        begin = ""
-    if not told:
-        return []
-    if len(told) > most:
-        told = [*told[:most], f"and {len(told) - most} more arcs"]
-    return _lines(f"{arcs[0].of}: {begin}", told)
+def _constraint(name: str, arcs: list[Arc], most: int) -> list[str]:
+    """Return when a constraint is active; nothing of one that never is."""
+    start, end = arcs[0].start, arcs[-1].end
+    parts = [_stretch(arc, start, end) for arc in arcs if arc.kind == "active"]
+    return _lines(f"{name}: active ", parts, most) if parts else []
 
 
 def _stretch(arc: Arc, start: float, end: float) -> str:
@@ -90,8 +79,10 @@ def _stretch(arc: Arc, start: float, end: float) -> str:
     return f"from {begins} to {instant(arc.end, arc.end_uncertainty)}"
 
 
-def _lines(start: str, parts: Sequence[str]) -> list[str]:
+def _lines(start: str, parts: Sequence[str], most: int) -> list[str]:
     """Return parts with commas between them, broken between parts, aligned below the first."""
+    if len(parts) > most:
+        parts = [*parts[:most], f"and {len(parts) - most} more"]
     lines = [start + parts[0]]
     for part in parts[1:]:
         if len(lines[-1]) + len(part) + 3 <= _WIDTH:

@@ -14,7 +14,12 @@ def plot(
     result: Annotated[Path, typer.Argument(help="A result file of `quito solve`.")],
     states: Annotated[bool, typer.Option("--states", help="The states.")] = False,
     controls: Annotated[bool, typer.Option("--controls", help="The controls.")] = False,
-    costates: Annotated[bool, typer.Option("--costates", help="The costates.")] = False,
+    costates: Annotated[
+        bool,
+        typer.Option(
+            "--costates", help="The costates, and with them switching functions and Hamiltonian."
+        ),
+    ] = False,
     mesh: Annotated[bool, typer.Option("--mesh", help="The lengths of the control cells.")] = False,
     plan: Annotated[bool, typer.Option("--plan", help="The problem file's own plots.")] = False,
     output: Annotated[
@@ -37,11 +42,12 @@ def plot(
         "states": states,
         "controls": controls,
         "costates": costates,
+        "switching": costates,
         "mesh": mesh,
         "plan": plan,
     }
     panels = tuple(name for name, wanted in chosen.items() if wanted)
-    suffix = "".join(f"-{name}" for name in panels)
+    suffix = "".join(f"-{name}" for name in panels if name != "switching")
     solution = Solution.load(result)
     path = (output or result.parent) / f"{result.stem}{suffix}.{picture}"
     draw(solution, panels or DEFAULT, path)

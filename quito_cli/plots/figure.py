@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 import warnings
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,56 +16,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.errors import UsageError
+from quito_cli.plots.arcs import ARC_NAMES, of_control, on_constraints
+from quito_cli.plots.curves import Curve, Line, draw_curve
 from quito_cli.plots.history import History, histories
 from quito_cli.plots.layout import balanced, places, shared, with_unit
-from quito_cli.plots.palette import BOUND, COLOURS, JUNCTION, KNOWN, OURS, plain
+from quito_cli.plots.palette import plain
 from quito_cli.plots.plan import draw_plan
 from quito_cli.solution.junctions import Junction
+from quito_cli.solution.optimal import Arc
 from quito_cli.solution.solution import Drawing, Quantity, Solution
 from quito_cli.solution.store import write_aside
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
+HAMILTONIAN = "H"
+"""Its name among the curves of an extremal."""
+_FLAT = 0.01
+"""Part of the size of the Hamiltonian's terms below which its changes are no shape."""
+_ENTRY = 1.75
+"""Width of an entry of the legend, in inches."""
 _COLUMNS = 3
 _CURVE_HEIGHT, _PLAN_HEIGHT = 2.2, 4.8
 """Of a row, in inches."""
-_NEAR, _FAR = 0.6, 2.0
-"""Bounds further than this many spans of a state, or sizes of a control, are not drawn."""
-_MOST_MARKS = 36
-"""Jumps and kinks marked in a plot: the highest."""
-
-
-@dataclass(frozen=True)
-class Line:
-    """A quantity over time."""
-
-    name: str
-    values: Array
-    known: Array | None = None
-    """The reference at the same times; NaN where unknown."""
-    lower: float = -np.inf
-    upper: float = np.inf
-
-
-@dataclass(frozen=True)
-class Curve:
-    """One small plot: a line, or those of a vector."""
-
-    label: str
-    times: Array
-    lines: tuple[Line, ...]
-    far_bounds: bool = False
-    """Draw bounds that are not near too."""
-    steps: bool = False
-    logarithmic: bool = False
-    marks: tuple[Junction, ...] = ()
-    """Jumps and kinks of its lines."""
-
 
 Panel = Curve | Drawing | History
 
@@ -78,6 +53,7 @@ def _curves(
     known: Array | None,
     far_bounds: bool,
     junctions: tuple[Junction, ...] = (),
+    shades: tuple[Arc, ...] = (),
 ) -> list[Panel]:
     """Return a plot for each entry, or where there are many, for each vector."""
     curves: list[Panel] = []
@@ -89,7 +65,11 @@ def _curves(
             lines.append(Line(q.name, values[:, i], reference, q.lower, q.upper))
         label = with_unit(name, quantities[members[0]].unit)
         marks = tuple(j for j in junctions if j.control in members)
-        curves.append(Curve(label, solution.dense_times, tuple(lines), far_bounds, marks=marks))
+        arcs = of_control(solution, lines[0].name) if far_bounds and len(lines) == 1 else ()
+        times = solution.dense_times
+        curves.append(
+            Curve(label, times, tuple(lines), far_bounds, marks=marks, arcs=arcs, shades=shades)
+        )
     return curves
 
 
@@ -110,7 +90,40 @@ def _costates(solution: Solution) -> list[Panel]:
     duals = tuple(
         Quantity(f"λ of {state.name}", "", -np.inf, np.inf) for state in solution.origin.states
     )
-    return _curves(solution, duals, solution.costate(solution.dense_times), None, False)
+    values, active = solution.costate(solution.dense_times), on_constraints(solution)
+    return _curves(solution, duals, values, None, False, shades=active)
+
+
+def _switching(solution: Solution) -> list[Panel]:
+    """Return the switching functions over the arcs of their controls, and the Hamiltonian."""
+    extremal = solution.extremal
+    if extremal is None:
+        return []
+    quantities = [Quantity(n, "", -np.inf, np.inf) for n in extremal.curves if n != HAMILTONIAN]
+    controls = [quantity.name for quantity in solution.origin.controls]
+    found: list[Panel] = []
+    for name, members in shared(tuple(quantities)).items():
+        lines = tuple(
+            Line(quantities[i].name, extremal.curves[quantities[i].name]) for i in members
+        )
+        shades = of_control(solution, name) if len(lines) == 1 else ()
+        label = plain(f"∂H/∂{name}" if name in controls or len(lines) > 1 else name)
+        found.append(Curve(label, extremal.times, lines, zero=True, shades=shades))
+    if HAMILTONIAN in extremal.curves:
+        line = Line(HAMILTONIAN, extremal.curves[HAMILTONIAN])
+        active, least = on_constraints(solution), _FLAT * _power(solution)
+        found.append(
+            Curve(HAMILTONIAN, extremal.times, (line,), zero=True, shades=active, least=least)
+        )
+    return found
+
+
+def _power(solution: Solution) -> float:
+    """Return the largest Σ |λ ẋ|, of what the Hamiltonian is made."""
+    times = solution.dense_times
+    rates = np.gradient(solution.state(times), times, axis=0)
+    terms = np.abs(solution.costate(times) * rates).sum(axis=1)
+    return float(np.nanmax(terms, initial=0.0))
 
 
 def _mesh(solution: Solution) -> list[Panel]:
@@ -125,6 +138,7 @@ PANELS: dict[str, Callable[[Solution], list[Panel]]] = {
     "states": _states,
     "controls": _controls,
     "costates": _costates,
+    "switching": _switching,
     "mesh": _mesh,
     "plan": lambda solution: list(solution.drawings),
 }
@@ -158,7 +172,7 @@ def figure(solution: Solution, panels: Iterable[str]) -> Figure:
         if isinstance(panel, History):
             panel.draw(axes)
             continue
-        _draw(axes, panel)
+        draw_curve(axes, panel)
         if i == last:
             axes.set_xlabel("t")
     drawn.suptitle(_heading(solution))
@@ -183,56 +197,6 @@ def _heading(solution: Solution) -> str:
     return f"{failed}{plain(title)}\ncost {solution.cost:.8g}, {cells} cells{changed}"
 
 
-def _draw(axes: Axes, curve: Curve) -> None:
-    several = len(curve.lines) > 1
-    style = "steps-post" if curve.steps else "default"
-    drawn: list[Artist] = []
-    _mark(axes, curve.marks)
-    for i, line in enumerate(curve.lines):
-        colour, name = (COLOURS[i % len(COLOURS)], plain(line.name)) if several else (OURS, "quito")
-        drawn += axes.plot(curve.times, line.values, color=colour, label=name, drawstyle=style)
-        if line.known is not None:
-            axes.plot(curve.times, line.known, "--", color=KNOWN, linewidth=1.2, label="reference")
-    low, high = _range(curve)
-    for bound in sorted({b for line in curve.lines for b in (line.lower, line.upper)}):
-        if low - _reach(curve, low, high) <= bound <= high + _reach(curve, low, high):
-            axes.axhline(bound, color=BOUND, linewidth=0.9, linestyle=":", label="bound")
-    if curve.logarithmic:
-        axes.set_yscale("log")
-        axes.set_ylim(low / 3, high * 3)
-    elif high - low <= 1e-9 * max(abs(high), 1.0):  # rounding is no shape
-        axes.set_ylim(low - 0.5 * max(abs(low), 1.0), high + 0.5 * max(abs(high), 1.0))
-    axes.set_ylabel(curve.label)
-    axes.grid(alpha=0.25)
-    axes.margins(x=0.01)
-    if several:
-        axes.legend(handles=drawn, frameon=False, fontsize="small")
-
-
-def _mark(axes: Axes, junctions: tuple[Junction, ...]) -> None:
-    """Mark where jumps and kinks are, and shade how uncertain that is."""
-    highest = sorted(junctions, key=lambda one: -abs(one.after - one.before))
-    for one in highest[:_MOST_MARKS]:
-        ends = one.time - one.uncertainty, one.time + one.uncertainty
-        axes.axvspan(*ends, color=JUNCTION, alpha=0.12, linewidth=0, zorder=0.5)
-        label = "jump or kink"
-        axes.axvline(one.time, color=JUNCTION, linewidth=0.9, linestyle=":", label=label, zorder=1)
-
-
-def _range(curve: Curve) -> tuple[float, float]:
-    """Return the least and the largest value drawn."""
-    values = np.concatenate([line.values for line in curve.lines])
-    finite = values[np.isfinite(values)]
-    return (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
-
-
-def _reach(curve: Curve, low: float, high: float) -> float:
-    """Return how far from the values a bound may be to be drawn."""
-    if curve.far_bounds:
-        return _FAR * max(high - low, abs(low), abs(high)) or 1e300
-    return _NEAR * max(high - low, 1e-12)
-
-
 def _legend(drawn: Figure) -> None:
     """One legend for all plots, each entry once, and only where there is more than one."""
     entries: dict[str, Artist] = {}
@@ -241,12 +205,14 @@ def _legend(drawn: Figure) -> None:
             continue
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             entries.setdefault(str(label), handle)
+    lines = sorted(entries, key=lambda label: label in ARC_NAMES)  # what is drawn, then arcs
+    entries = {label: entries[label] for label in lines}
     if len(entries) > 1:
         drawn.legend(
             handles=list(entries.values()),
             labels=list(entries),
             loc="outside lower center",
-            ncols=len(entries),
+            ncols=min(len(entries), int(drawn.get_figwidth() / _ENTRY)),
             frameon=False,
         )
 

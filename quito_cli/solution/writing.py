@@ -234,7 +234,8 @@ def _write_fields(into: _Group, kind: Any, values: tuple[Any, ...], axis: str) -
     for field in fields(kind):
         column = [getattr(value, field.name) for value in values]
         numbers = field.type == "float"  # the annotation as it is written
-        into.data(field.name, np.array(column, dtype=float) if numbers else _texts(column), axis)
+        array = np.array(column, dtype=float) if numbers else _texts(map(str, column))
+        into.data(field.name, array, axis)
 
 
 def _write_statistics(into: _Group, solution: Solution) -> None:
