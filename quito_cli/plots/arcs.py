@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _KINDS: dict[Kind, tuple[str, str]] = {
     "lower": ("at lower bound", COLOURS[5]),
     "upper": ("at upper bound", COLOURS[4]),
-    "interior": ("between bounds", "#BBBBBB"),
+    "interior": ("interior", "#BBBBBB"),
     "singular": ("singular", COLOURS[3]),
     "active": ("on a constraint", "#444444"),
 }
