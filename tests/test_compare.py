@@ -250,8 +250,19 @@ OURS: dict[str, Any] = {
     ],
 )
 def test_what_a_method_takes_over_from_ours(name: str, own: dict[str, Any]) -> None:
-    shared = {"tolerance": 1e-7, "max_iterations": 77, "solver": "ipopt"}
+    shared = {"tolerance": 1e-7, "max_iterations": 77, "solver": "ipopt", "mesh": "uniform"}
     assert method(name).options(OURS) == shared | own
+
+
+def test_a_mesh_that_follows_the_control_is_a_method() -> None:
+    """The paper's norm at its 1200 samples: no uniform mesh of that step comes below 0.25."""
+    found = quito.compare("van_der_pol", "adaptive", steps=300)
+    assert [row.method for row in found.rows] == ["quasi-interpolant:gaussian", "adaptive"]
+    assert len(found.sample_times) == 1200
+    ours, adaptive = (row.errors for row in found.rows)
+    assert ours is not None
+    assert adaptive is not None
+    assert adaptive.norm < 0.1 < 1.0 < ours.norm
 
 
 def test_few_cells_leave_one_interval() -> None:
@@ -516,14 +527,14 @@ def test_results_that_cannot_be_compared(
     [
         (
             ["known.yaml", "--against", "dircol"],
-            "quito: there is no method 'dircol'; there are lgr, lgr:KxD, hermite-simpson, "
+            "quito: there is no method 'dircol'; there are lgr, lgr:KxD, adaptive, hermite-simpson, "
             "piecewise-constant, gaussian, laguerre4, laguerre6, hermite10, trigonometric, sech; "
             "and self, a finer solve as the truth\n",
         ),
         (
             ["known.yaml", "--against", "hermite-simson"],
             "quito: there is no method 'hermite-simson'; did you mean 'hermite-simpson'?; there "
-            "are lgr, lgr:KxD, hermite-simpson, piecewise-constant, gaussian, laguerre4, "
+            "are lgr, lgr:KxD, adaptive, hermite-simpson, piecewise-constant, gaussian, laguerre4, "
             "laguerre6, hermite10, trigonometric, sech; and self, a finer solve as the truth\n",
         ),
         (
