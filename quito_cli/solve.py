@@ -56,7 +56,7 @@ class Options:
         Raises:
             UsageError: an unknown option, a wrong value, or options that exclude each other.
         """
-        from quito_cli.problem.options import idle, refuse_idle
+        from quito_cli.problem.options import COLLOCATION, idle, refuse_idle
 
         asked = _checked(given)
         wanted = file.model_dump(exclude_none=True)
@@ -66,6 +66,8 @@ class Options:
         if discretization != wanted.get("discretization"):
             for name in idle(discretization):  # the file's choice was for the file's method
                 wanted.pop(name, None)
+            if discretization == COLLOCATION:
+                wanted.pop("mesh", None)
         if "control" in asked and asked["control"] != wanted.get("control", cls.control):
             for name in QUASI_INTERPOLANT_ONLY:  # the file's choice was for the file's control
                 wanted.pop(name, None)
@@ -87,8 +89,8 @@ class Options:
         """Return the options with the cells that an adaptive mesh starts from.
 
         Raises:
-            UsageError: what belongs to adaptive meshes is asked of a uniform one, or the limit is
-                less than the cells to start from.
+            UsageError: what belongs to adaptive meshes is asked of a uniform one, the cells to
+                start from are said twice, or the limit is less than them.
         """
         if self.mesh == "uniform":
             for name in ADAPTIVE_ONLY:
@@ -97,11 +99,22 @@ class Options:
                         f"{name.replace('_', '-')} belongs to adaptive meshes: add --mesh adaptive"
                     )
             return self
-        found = self if "steps" in asked else replace(self, steps=self.mesh_steps)
-        if found.most_cells < found.steps:
+        if "steps" in asked and "mesh_steps" in asked:
             raise UsageError(
-                f"a mesh-limit of {found.mesh_limit} cells does not hold the {found.steps} that "
-                "refinement starts from: raise it, or take fewer --steps"
+                "steps and mesh-steps both say how many cells an adaptive mesh starts from: leave "
+                "one out"
+            )
+        name = "steps" if "steps" in asked else "mesh_steps"
+        cells = getattr(self, name)
+        if cells < FEWEST:
+            raise UsageError(
+                f"steps: an adaptive mesh starts from {FEWEST} cells at least, got {cells}"
+            )
+        found = replace(self, steps=cells, mesh_steps=cells)
+        if found.most_cells < cells:
+            raise UsageError(
+                f"a mesh-limit of {found.mesh_limit} cells does not hold the {cells} that "
+                f"refinement starts from: raise it, or take fewer --{name.replace('_', '-')}"
             )
         return found
 
@@ -112,10 +125,12 @@ class Options:
 
     @property
     def record(self) -> dict[str, Any]:
-        """By name, those that mean something to the discretization."""
+        """By name, those that mean something to the discretization and to the mesh."""
         from quito_cli.problem.options import idle
 
-        return {k: v for k, v in asdict(self).items() if k not in idle(self.discretization)}
+        unused = idle(self.discretization)
+        unused += ADAPTIVE_ONLY if self.mesh == "uniform" else ()
+        return {name: value for name, value in asdict(self).items() if name not in unused}
 
 
 MOST_OF_A_FILE = 1_000_000
@@ -124,6 +139,8 @@ DENSE_POINTS = 20
 """Points of a collocation that depend on one another as much as a step costs."""
 ADAPTIVE_ONLY = ("mesh_steps", "mesh_tolerance", "mesh_iterations", "mesh_limit")
 """Options that mean nothing to a uniform mesh."""
+FEWEST = 4
+"""Cells that an adaptive mesh may start from: fewer have no place to be moved to."""
 QUASI_INTERPOLANT_ONLY = ("variance", "generating_function", "normalised")
 """Options that mean nothing to the classical controls."""
 
@@ -154,10 +171,12 @@ def solve(
     import numpy as np
 
     from quito_cli.on_mesh import Task, method_on
+    from quito_cli.on_meshes import solver_of
     from quito_cli.problem.build import build
     from quito_cli.problem.load import changed, load
     from quito_cli.refinement.refine import Limits, refine
     from quito_cli.solution.follow import guided
+    from quito_cli.solvers.interruption import interruptible
     from quito_cli.transcription.mesh import Mesh
 
     if isinstance(problem, str | Path):
@@ -178,16 +197,13 @@ def solve(
     built, warm = time.perf_counter() - started, earlier if chosen.warm_start else None
     if chosen.mesh == "uniform":
         return task.on(mesh, warm, built)
-    return refine(
-        model,
-        lambda mesh, substeps, last: (
-            task.on(mesh, warm, built) if last is None else task.again(mesh, substeps, last)
-        ),
-        mesh,
-        chosen.substeps,
-        method_on(chosen, mesh).order,
-        Limits(chosen.mesh_tolerance, chosen.mesh_iterations, chosen.most_cells, points),
+    order = method_on(chosen, mesh).order
+    limits = Limits(
+        chosen.mesh_tolerance, chosen.mesh_iterations, chosen.most_cells, np.unique(points)
     )
+    with interruptible() as interruption:
+        solve_on = solver_of(task, warm, built, interruption)
+        return refine(model, solve_on, mesh, chosen.substeps, order, limits)
 
 
 def _refuse_warm_start(options: Options, earlier: Solution | None, problem: Problem) -> None:

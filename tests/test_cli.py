@@ -168,6 +168,12 @@ OPTIONS: list[tuple[tuple[str, ...], str, Any]] = [
     (("--discretization", "lgr"), "discretization", "lgr"),
     (("--discretization", "lgr", "--degree", "3"), "degree", 3),
     (("--substeps", "1"), "substeps", 1),
+    (("--mesh", "uniform"), "mesh", "uniform"),
+    (("--mesh", "adaptive"), "mesh", "adaptive"),
+    (("--mesh", "adaptive", "--mesh-tolerance", "1e-2"), "mesh_tolerance", 1e-2),
+    (("--mesh", "adaptive", "--mesh-iterations", "2"), "mesh_iterations", 2),
+    (("--mesh", "adaptive", "--mesh-limit", "9"), "mesh_limit", 9),
+    (("--mesh", "adaptive", "--mesh-steps", "5"), "mesh_steps", 5),
     (("--tolerance", "1e-6"), "tolerance", 1e-6),
     (("--max-iterations", "77"), "max_iterations", 77),
     (("--objective-scale", "3"), "objective_scale", 3.0),
@@ -185,7 +191,7 @@ OPTIONS: list[tuple[tuple[str, ...], str, Any]] = [
 def test_option(
     quito_: Quito, tmp_path: Path, arguments: tuple[str, ...], name: str, value: Any
 ) -> None:
-    few = () if name == "steps" else ("-N", "6")
+    few = () if name in ("steps", "mesh_steps") else ("-N", "6")
     ran = quito_("solve", problem(tmp_path), *few, *arguments, "--no-plot", "--json")
     assert (ran.code, ran.err) == (0, "")
     assert ran.json["options"][name] == value
@@ -405,7 +411,7 @@ def test_the_command_line_wins_over_the_file_and_the_file_over_defaults(
     }
     unasked = {"path_points": None, "guess": None, "objective_scale": None}
     usual = {"normalised": True, "control": "quasi-interpolant"}
-    usual |= {"solver": "ipopt", "warm_start": False}
+    usual |= {"solver": "ipopt", "warm_start": False, "mesh": "uniform"}
     assert ran.json["options"] == unasked | asked | usual
     given = ("-N", "6", "--discretization", "rk4", "--solver-option", "mu_init=0.5")
     ran = quito_("solve", file, *given, "--json", "--no-plot")
@@ -645,10 +651,14 @@ def test_help_names_every_option_with_its_default(quito_: Quito) -> None:
             "--set",
             "--output",
         ),
+        *("--mesh", "--mesh-steps", "--mesh-tolerance", "--mesh-iterations", "--mesh-limit"),
         *("--format", "--no-plot", "--json", "--quiet", "--verbose"),
     ):
         assert option in text
-    for default in ("100", "2", "gaussian", "quasi-interpolant", "rk4", "1e-09", "1000", "results"):
+    for default in (
+        *("uniform", "0.001", "8", "twice those to start from"),
+        *("100", "2", "gaussian", "quasi-interpolant", "rk4", "1e-09", "1000", "results"),
+    ):
         assert f"[default: {default}]" in text
 
 
@@ -703,6 +713,20 @@ REFUSED_OPTIONS = {
     ("--variance", "-1"): "variance: expected a number above 0, got -1",
     ("--variance", "nan"): "variance: expected a finite number, got nan",
     ("--variance", "0.01"): "variance 0.01 is too small for the generating function gaussian",
+    ("--mesh", "moving"): "mesh: expected uniform or adaptive, got 'moving'",
+    ("--mesh", "adaptve"): "did you mean 'adaptive'?",
+    ("--mesh-tolerance", "1e-3"): "mesh-tolerance belongs to adaptive meshes: add --mesh adaptive",
+    ("--mesh", "adaptive", "--mesh-tolerance", "0"): (
+        "mesh-tolerance: expected at least 0.00001, got 0.0"
+    ),
+    ("--mesh", "adaptive", "--mesh-iterations", "100"): (
+        "mesh-iterations: expected at most 30, got 100"
+    ),
+    ("--mesh", "adaptive", "--mesh-limit", "3"): "mesh-limit: expected at least 4, got 3",
+    ("--mesh", "adaptive", "--mesh-limit", "4"): (
+        "a mesh-limit of 4 cells does not hold the 5 that refinement starts from: raise it, or take"
+    ),
+    ("--mesh", "adaptive", "--mesh-steps", "50"): "steps and mesh-steps both say how many cells",
     ("--tolerance", "0"): "tolerance: expected a number above 0, got 0",
     ("--tolerance", "2"): "tolerance: expected at most 0.001, got 2",
     ("--max-iterations", "-1"): "max-iterations: expected at least 0, got -1",

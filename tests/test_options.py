@@ -18,7 +18,7 @@ from quito_cli.problem.options import (
     RequestedOptions,
     refuse_solver_option,
 )
-from quito_cli.solve import QUASI_INTERPOLANT_ONLY, Options
+from quito_cli.solve import ADAPTIVE_ONLY, QUASI_INTERPOLANT_ONLY, Options
 from quito_cli.solvers import AUTOMATIC, SOLVERS
 from quito_cli.transcription.generating import GENERATING_FUNCTIONS, generating_function
 from quito_cli.transcription.schemes import SCHEMES
@@ -85,6 +85,11 @@ def test_defaults_are_those_of_the_design() -> None:
         discretization="rk4",
         substeps=2,
         degree=4,
+        mesh="uniform",
+        mesh_steps=100,
+        mesh_tolerance=1e-3,
+        mesh_iterations=8,
+        mesh_limit=None,
         tolerance=1e-9,
         max_iterations=1000,
         solver="ipopt",
@@ -103,13 +108,20 @@ GIVEN: dict[str, tuple[Any, Any]] = {
     "discretization": ("euler", "rk4"),
     "substeps": (3, 1),
     "degree": (3, 8),
+    "mesh": ("adaptive", "uniform"),
+    "mesh_steps": (40, 50),
+    "mesh_tolerance": (1e-2, 1e-4),
+    "mesh_iterations": (3, 5),
+    "mesh_limit": (150, 180),
     "tolerance": (1e-5, 1e-6),
     "max_iterations": (3, 4),
     "path_points": ("nodes", "substeps"),
     "solver": ("uno", "auto"),
 }
 
-BESIDE = {"degree": {"discretization": "lgr"}}
+BESIDE = {"degree": {"discretization": "lgr"}} | {
+    name: {"mesh": "adaptive"} for name in ADAPTIVE_ONLY
+}
 """What an option needs beside it."""
 
 
@@ -195,6 +207,73 @@ def test_a_degree_belongs_to_collocation() -> None:
     assert "degree" not in chosen.record
 
 
+# Adaptive meshes
+
+
+@pytest.mark.parametrize("name", ADAPTIVE_ONLY)
+def test_what_belongs_to_adaptive_meshes_is_refused_of_a_uniform_one(name: str) -> None:
+    value = GIVEN[name][0]
+    said = rf"^{name.replace('_', '-')} belongs to adaptive meshes: add --mesh adaptive$"
+    for file in ({}, {"mesh": "uniform"}):
+        with pytest.raises(quito.UsageError, match=said):
+            resolve(file, **{name: value})
+    with pytest.raises(quito.UsageError, match=said):
+        resolve({"mesh": "adaptive"}, mesh="uniform", **{name: value})
+    file_alone = resolve({name: value})  # for when --mesh adaptive is asked for
+    assert file_alone.mesh == "uniform"
+    assert name not in file_alone.record
+    assert resolve({name: value}, mesh="adaptive").record[name] == value
+
+
+def test_what_an_adaptive_mesh_starts_from() -> None:
+    """A file's steps are for uniform meshes; those of a call are for the one it asks for."""
+    assert resolve(mesh="adaptive").steps == 100
+    assert resolve({"steps": 300}, mesh="adaptive").steps == 100
+    assert resolve({"steps": 300, "mesh": "adaptive"}).steps == 100
+    assert resolve({"steps": 300, "mesh_steps": 60}, mesh="adaptive").steps == 60
+    assert resolve({"steps": 300, "mesh_steps": 60}, mesh="adaptive", steps=30).steps == 30
+    assert resolve(mesh="adaptive", steps=30).record["mesh_steps"] == 30
+    assert resolve({"steps": 300, "mesh": "adaptive"}, mesh="uniform").steps == 300
+    with pytest.raises(quito.UsageError, match=r"^steps and mesh-steps both say how many"):
+        resolve(mesh="adaptive", steps=30, mesh_steps=40)
+
+
+def test_an_adaptive_mesh_starts_from_some_cells() -> None:
+    assert resolve(mesh="adaptive", steps=4).steps == 4
+    with pytest.raises(quito.UsageError, match=r"^steps: .* from 4 cells at least, got 3$"):
+        resolve(mesh="adaptive", steps=3)
+
+
+def test_a_collocation_has_no_adaptive_mesh() -> None:
+    for file, given in (
+        ({}, {"mesh": "adaptive", "discretization": "lgr"}),
+        ({"mesh": "adaptive", "discretization": "lgr"}, {}),
+        ({"discretization": "lgr"}, {"mesh": "adaptive"}),
+        ({"mesh": "adaptive"}, {"mesh": "adaptive", "discretization": "lgr"}),
+    ):
+        with pytest.raises(quito.UsageError, match=r"^an adaptive mesh follows .* lgr is none"):
+            resolve(file, **given)
+    assert resolve({"mesh": "adaptive"}, discretization="lgr").mesh == "uniform"
+    assert resolve({"discretization": "lgr"}, mesh="adaptive", discretization="rk4").mesh == (
+        "adaptive"
+    )
+
+
+def test_the_most_cells_an_adaptive_mesh_may_come_to() -> None:
+    assert resolve(mesh="adaptive").most_cells == 200
+    assert resolve(mesh="adaptive", steps=30).most_cells == 60
+    assert resolve(mesh="adaptive", steps=30, mesh_limit=30).most_cells == 30
+    refused: tuple[tuple[dict[str, Any], str], ...] = (
+        ({"mesh_limit": 99}, "99 cells does not hold the 100 .* take fewer --mesh-steps"),
+        ({"mesh_limit": 29, "steps": 30}, "29 cells does not hold the 30 .* take fewer --steps"),
+    )
+    for given, said in refused:
+        with pytest.raises(quito.UsageError, match=rf"^a mesh-limit of {said}"):
+            resolve(mesh="adaptive", **given)
+        with pytest.raises(quito.UsageError, match=rf"^a mesh-limit of {said}"):
+            resolve({"mesh": "adaptive"}, **given)
+
+
 # What is refused
 
 
@@ -217,6 +296,19 @@ def test_a_degree_belongs_to_collocation() -> None:
         ("substeps", 0),
         ("degree", 0),
         ("degree", 2.5),
+        ("mesh", "moving"),
+        ("mesh", True),
+        ("mesh_steps", 3),
+        ("mesh_steps", 201),
+        ("mesh_tolerance", 0),
+        ("mesh_tolerance", -1e-3),
+        ("mesh_tolerance", 0.5),
+        ("mesh_tolerance", math.nan),
+        ("mesh_iterations", 0),
+        ("mesh_iterations", 100),
+        ("mesh_iterations", 2.5),
+        ("mesh_limit", 3),
+        ("mesh_limit", 1e6),
         ("tolerance", 0),
         ("tolerance", 1),
         ("max_iterations", -1),
@@ -258,6 +350,7 @@ def test_an_unknown_option() -> None:
         ("variance", 100),
         ("substeps", 20),
         ("degree", 200),
+        ("mesh_limit", 20_000),
         ("max_iterations", 10_000),
     ],
 )

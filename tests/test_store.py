@@ -44,6 +44,7 @@ controls: {u: {lower: -1, upper: 1}}
 dynamics: {x: v, v: u}
 cost: {lagrange: u^2}
 """
+ADAPTIVE: dict[str, Any] = {"mesh": "adaptive", "steps": 50, "mesh_iterations": 4}
 ALL: dict[str, tuple[str, dict[str, Any]]] = {
     "reference": ("van_der_pol", {"steps": 20}),
     "vectors": (VECTOR, {"steps": 12, "generating_function": "laguerre4", "variance": 3.0}),
@@ -51,6 +52,9 @@ ALL: dict[str, tuple[str, dict[str, Any]]] = {
     "printed sum": ("catalyst_mixing", {"steps": 15, "normalised": False}),
     "linear states": ("bressan", {"steps": 10, "discretization": "euler"}),
     "infeasible": (IMPOSSIBLE, {"steps": 10}),
+    "adaptive": ("van_der_pol", ADAPTIVE),
+    "adaptive, one mesh": ("bang_bang", {"mesh": "adaptive", "steps": 20, "mesh_iterations": 1}),
+    "adaptive, kinks": ("double_integrator_tracking", ADAPTIVE),
 }
 GROUPS = (
     "problem",
@@ -58,6 +62,7 @@ GROUPS = (
     "interpolation",
     "dense",
     "control",
+    "junctions",
     "multipliers",
     "iterations",
     "statistics",
@@ -100,9 +105,11 @@ def equal(a: Any, b: Any) -> bool:
 
 def timeless(solution: quito.Solution) -> quito.Solution:
     """The same answer without what a clock had to say."""
-    return replace(
-        solution, statistics=replace(solution.statistics, build_seconds=0.0, solve_seconds=0.0)
-    )
+    how = solution.refinement
+    if how is not None:
+        how = replace(how, rounds=tuple(replace(one, seconds=0.0) for one in how.rounds))
+    clocked = replace(solution.statistics, build_seconds=0.0, solve_seconds=0.0)
+    return replace(solution, statistics=clocked, refinement=how)
 
 
 # Round trip
@@ -133,7 +140,7 @@ def test_a_loaded_answer_is_the_same_function_of_time(
 # Reproducible
 
 
-@pytest.mark.parametrize("name", ["reference", "vectors"])
+@pytest.mark.parametrize("name", ["reference", "vectors", "adaptive"])
 def test_the_same_run_writes_the_same_bytes_but_for_times(name: str, tmp_path: Path) -> None:
     problem, options = ALL[name]
     contents = []
@@ -181,6 +188,55 @@ def test_nothing_but_the_times_differs_between_two_runs(tmp_path: Path) -> None:
     assert different <= {"statistics@build_seconds", "statistics@solve_seconds"}
 
 
+# Adaptive meshes
+
+
+def test_a_graded_control_needs_the_slopes_of_its_index(tmp_path: Path, solve: Solve) -> None:
+    solution = solve("van_der_pol", **ADAPTIVE)
+    steps = np.diff(solution.times)
+    assert steps.max() > 10 * steps.min()
+    solution.save(tmp_path / "a.h5")
+    with h5py.File(tmp_path / "a.h5") as file:
+        slopes = file["control/index_slope"]
+        assert slopes.shape == (len(steps), 2)
+        assert [slopes.dims[i].keys() for i in (0, 1)] == [["cell"], ["side"]]
+    with h5py.File(tmp_path / "a.h5", "r+") as file:
+        del file["control/index_slope"]
+    t = np.linspace(0, 4, 2000)
+    without = quito.Solution.load(tmp_path / "a.h5").control(t)
+    assert np.abs(without - solution.control(t)).max() > 1e-3
+
+
+def test_the_rounds_of_a_refinement_are_labelled(tmp_path: Path, solve: Solve) -> None:
+    solution = solve("van_der_pol", **ADAPTIVE)
+    assert solution.refinement is not None
+    solution.save(tmp_path / "a.h5")
+    with xarray.open_dataset(tmp_path / "a.h5", group="refinement", engine="h5netcdf") as data:
+        assert data["cells"].dims == data["change"].dims == ("round",)
+        assert data["cells"].values[0] == 50
+        for i, cells in enumerate(data["cells"].values):
+            assert data[f"nodes_{i:03}"].size == cells + 1
+        assert np.isnan(data["change"].values[0])
+        kept = int(data.attrs["kept"])
+        assert data[f"nodes_{kept:03}"].values == pytest.approx(solution.times)
+        assert data.attrs["outcome"] == solution.refinement.outcome
+    with xarray.open_dataset(tmp_path / "a.h5", group="junctions", engine="h5netcdf") as data:
+        first = data.isel(time=0)
+        assert (first["control"].item(), first["kind"].item()) == ("u", "jump")
+        known = 1.3667400310631783
+        assert first["time"].item() == pytest.approx(known, abs=first["uncertainty"].item())
+        assert (first["before"].item(), first["after"].item()) == pytest.approx((-1, 1), abs=0.02)
+
+
+def test_a_file_from_before_adaptive_meshes_is_read(saved: Path, solve: Solve) -> None:
+    with h5py.File(saved, "r+") as file:
+        del file["junctions"]
+    loaded = quito.Solution.load(saved)
+    assert loaded.refinement is None
+    assert (loaded.junctions, loaded.switching_times) == ((), ())
+    assert equal(loaded, replace(solve("van_der_pol", steps=20), junctions=()))
+
+
 # What others see
 
 
@@ -220,7 +276,8 @@ def test_every_axis_of_every_group_has_a_name(
             assert len(set(variable.dims)) == len(variable.dims)
         data.load()
     with h5py.File(path) as file:
-        assert set(file) == set(GROUPS)
+        adaptive = () if solution.refinement is None else ("refinement",)
+        assert set(file) == {*GROUPS, *adaptive}
         for name, dataset in file[group].items():
             for dimension in dataset.dims:
                 assert dataset.is_scale or len(dimension) == 1, name
@@ -327,7 +384,7 @@ def test_a_truncated_file_is_refused(fraction: float, saved: Path) -> None:
     refused(saved)
 
 
-@pytest.mark.parametrize("group", GROUPS)
+@pytest.mark.parametrize("group", [group for group in GROUPS if group != "junctions"])
 def test_a_file_that_lacks_a_group_is_refused(group: str, saved: Path) -> None:
     with h5py.File(saved, "a") as file:
         del file[group]

@@ -8,6 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from quito_cli.cli.meshes import (
+    junction_rows,
+    junctions_as_list,
+    mesh_rows,
+    refinement_as_dictionary,
+    rounds_table,
+)
 from quito_cli.cli.text import columns, labelled, plain
 from quito_cli.problem.options import COLLOCATION
 from quito_cli.solve import Options
@@ -59,6 +66,9 @@ def as_dictionary(solution: Solution, result: Path | None, plot: Path | None) ->
         "final_time": float(solution.times[-1]),
         "total_variation": dict(zip(names, evidence.total_variation, strict=True)),
         "ringing": dict(zip(names, evidence.ringing, strict=True)),
+        "switching_times": list(solution.switching_times),
+        "junctions": junctions_as_list(solution),
+        "refinement": refinement_as_dictionary(solution.refinement),
         "warnings": list(evidence.warnings),
         "diagnosis": list(evidence.diagnosis),
         "set": dict(solution.origin.changes),
@@ -95,6 +105,8 @@ def print_solution(
         labelled(_figures(solution)),
     ]
     if verbose:
+        if solution.refinement is not None:
+            paragraphs.append(rounds_table(solution.refinement))
         paragraphs += [_all_violations(solution), labelled(_options(solution))]
     if solution.evidence.warnings:
         mark = typer.style("Warning:", bold=True, fg="yellow")
@@ -149,7 +161,7 @@ def _figures(solution: Solution) -> list[tuple[str, str]]:
             continue
         pairs = zip(names, values, strict=True)
         rows.append((label, ", ".join(f"{name} {value:.3g}" for name, value in pairs)))
-    return rows
+    return [*rows, *junction_rows(solution), *mesh_rows(solution)]
 
 
 def _cost(solution: Solution) -> str:

@@ -70,6 +70,38 @@ def solve(
             help=f"With lgr: degree of the polynomials in each cell. [default: {Options.degree}]"
         ),
     ] = None,
+    mesh: Annotated[
+        str | None,
+        typer.Option(
+            help="uniform, or adaptive: cells that follow the control, small at its jumps and "
+            f"kinks. [default: {Options.mesh}]"
+        ),
+    ] = None,
+    mesh_steps: Annotated[
+        int | None,
+        typer.Option(
+            help="With adaptive: cells to start from, unless -N says so. "
+            f"[default: {Options.mesh_steps}]"
+        ),
+    ] = None,
+    mesh_tolerance: Annotated[
+        float | None,
+        typer.Option(
+            help="With adaptive: change of the controls from mesh to mesh, outside jumps and "
+            f"relative to their range, at which to end. [default: {Options.mesh_tolerance:g}]"
+        ),
+    ] = None,
+    mesh_iterations: Annotated[
+        int | None,
+        typer.Option(help=f"With adaptive: meshes at most. [default: {Options.mesh_iterations}]"),
+    ] = None,
+    mesh_limit: Annotated[
+        int | None,
+        typer.Option(
+            help="With adaptive: cells at most. [default: twice those to start from]",
+            show_default=False,
+        ),
+    ] = None,
     tolerance: Annotated[
         float | None, typer.Option(help=f"Of the solver. [default: {Options.tolerance:g}]")
     ] = None,
@@ -154,6 +186,11 @@ def solve(
             discretization=discretization,
             substeps=substeps,
             degree=degree,
+            mesh=mesh,
+            mesh_steps=mesh_steps,
+            mesh_tolerance=mesh_tolerance,
+            mesh_iterations=mesh_iterations,
+            mesh_limit=mesh_limit,
             tolerance=tolerance,
             max_iterations=max_iterations,
             solver=solver,

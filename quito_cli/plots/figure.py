@@ -17,9 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.errors import UsageError
+from quito_cli.plots.history import History, histories
 from quito_cli.plots.layout import balanced, places, shared, with_unit
-from quito_cli.plots.palette import BOUND, COLOURS, KNOWN, OURS, plain
+from quito_cli.plots.palette import BOUND, COLOURS, JUNCTION, KNOWN, OURS, plain
 from quito_cli.plots.plan import draw_plan
+from quito_cli.solution.junctions import Junction
 from quito_cli.solution.solution import Drawing, Quantity, Solution
 from quito_cli.solution.store import write_aside
 
@@ -35,6 +37,8 @@ _CURVE_HEIGHT, _PLAN_HEIGHT = 2.2, 4.8
 """Of a row, in inches."""
 _NEAR, _FAR = 0.6, 2.0
 """Bounds further than this many spans of a state, or sizes of a control, are not drawn."""
+_MOST_MARKS = 36
+"""Jumps and kinks marked in a plot: the highest."""
 
 
 @dataclass(frozen=True)
@@ -60,9 +64,11 @@ class Curve:
     """Draw bounds that are not near too."""
     steps: bool = False
     logarithmic: bool = False
+    marks: tuple[Junction, ...] = ()
+    """Jumps and kinks of its lines."""
 
 
-Panel = Curve | Drawing
+Panel = Curve | Drawing | History
 
 
 def _curves(
@@ -71,6 +77,7 @@ def _curves(
     values: Array,
     known: Array | None,
     far_bounds: bool,
+    junctions: tuple[Junction, ...] = (),
 ) -> list[Panel]:
     """Return a plot for each entry, or where there are many, for each vector."""
     curves: list[Panel] = []
@@ -81,7 +88,8 @@ def _curves(
             q = quantities[i]
             lines.append(Line(q.name, values[:, i], reference, q.lower, q.upper))
         label = with_unit(name, quantities[members[0]].unit)
-        curves.append(Curve(label, solution.dense_times, tuple(lines), far_bounds))
+        marks = tuple(j for j in junctions if j.control in members)
+        curves.append(Curve(label, solution.dense_times, tuple(lines), far_bounds, marks=marks))
     return curves
 
 
@@ -94,7 +102,8 @@ def _states(solution: Solution) -> list[Panel]:
 def _controls(solution: Solution) -> list[Panel]:
     known = solution.reference.controls if solution.reference else None
     values = solution.control(solution.dense_times)
-    return _curves(solution, solution.origin.controls, values, known, True)
+    quantities, found = solution.origin.controls, solution.junctions
+    return _curves(solution, quantities, values, known, True, found)
 
 
 def _costates(solution: Solution) -> list[Panel]:
@@ -105,6 +114,8 @@ def _costates(solution: Solution) -> list[Panel]:
 
 
 def _mesh(solution: Solution) -> list[Panel]:
+    if solution.refinement is not None:
+        return list(histories(solution))
     steps = np.diff(solution.times)
     lengths = Line("length of the cells", np.append(steps, steps[-1]))
     return [Curve(lengths.name, solution.times, (lengths,), steps=True, logarithmic=True)]
@@ -130,7 +141,7 @@ def figure(solution: Solution, panels: Iterable[str]) -> Figure:
     from matplotlib.figure import Figure
 
     groups = [PANELS[name](solution) for name in panels]
-    rows = [row for group in groups for row in balanced(group, _COLUMNS)]
+    rows = [row for group in groups for row in _rows(group)]
     if not rows:
         raise UsageError(f"the problem has no {' or '.join(panels)} to draw")
     columns = max(len(row) for row in rows)
@@ -144,12 +155,22 @@ def figure(solution: Solution, panels: Iterable[str]) -> Figure:
             draw_plan(drawn.add_subplot(place, projection=None if flat else "3d"), panel)
             continue
         axes = drawn.add_subplot(place)
+        if isinstance(panel, History):
+            panel.draw(axes)
+            continue
         _draw(axes, panel)
         if i == last:
             axes.set_xlabel("t")
     drawn.suptitle(_heading(solution))
     _legend(drawn)
     return drawn
+
+
+def _rows(group: Sequence[Panel]) -> list[Sequence[Panel]]:
+    """Return the rows of a group; the meshes over time take all of one."""
+    if group and isinstance(group[0], History):
+        return [row for row in (group[:1], group[1:]) if row]
+    return balanced(group, _COLUMNS)
 
 
 def _heading(solution: Solution) -> str:
@@ -166,6 +187,7 @@ def _draw(axes: Axes, curve: Curve) -> None:
     several = len(curve.lines) > 1
     style = "steps-post" if curve.steps else "default"
     drawn: list[Artist] = []
+    _mark(axes, curve.marks)
     for i, line in enumerate(curve.lines):
         colour, name = (COLOURS[i % len(COLOURS)], plain(line.name)) if several else (OURS, "quito")
         drawn += axes.plot(curve.times, line.values, color=colour, label=name, drawstyle=style)
@@ -185,6 +207,16 @@ def _draw(axes: Axes, curve: Curve) -> None:
     axes.margins(x=0.01)
     if several:
         axes.legend(handles=drawn, frameon=False, fontsize="small")
+
+
+def _mark(axes: Axes, junctions: tuple[Junction, ...]) -> None:
+    """Mark where jumps and kinks are, and shade how uncertain that is."""
+    highest = sorted(junctions, key=lambda one: -abs(one.after - one.before))
+    for one in highest[:_MOST_MARKS]:
+        ends = one.time - one.uncertainty, one.time + one.uncertainty
+        axes.axvspan(*ends, color=JUNCTION, alpha=0.12, linewidth=0, zorder=0.5)
+        label = "jump or kink"
+        axes.axvline(one.time, color=JUNCTION, linewidth=0.9, linestyle=":", label=label, zorder=1)
 
 
 def _range(curve: Curve) -> tuple[float, float]:

@@ -127,6 +127,9 @@ ALIASES: Final[Mapping[Place, Mapping[str, Alias]]] = {
     ("options",): {
         **_words("N n cells intervals nodes", "steps"),
         **_words("D", "variance"),
+        **_words("grid refinement adaptive", "mesh"),
+        **_words("mesh_tol refinement_tolerance", "mesh_tolerance"),
+        **_words("mesh_iter max_mesh_iterations refinements", "mesh_iterations"),
         **_words("order polynomial_degree collocation_points", "degree"),
         **_words("tol", "tolerance"),
         **_words("max_iter maxiter iterations", "max_iterations"),

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.problem.shapes import Ball, Block
+from quito_cli.solution.junctions import Junction
+from quito_cli.solution.rounds import Account, Refinement, Round
 from quito_cli.solution.solution import (
     Drawing,
     Evidence,
@@ -23,7 +25,7 @@ from quito_cli.solution.solution import (
 )
 from quito_cli.solution.trajectory import Curve, Polynomials, Trajectory
 from quito_cli.solution.violations import Violation
-from quito_cli.solution.writing import BY_CONTROL, SENTENCES
+from quito_cli.solution.writing import BY_CONTROL, OF_JUNCTIONS, SENTENCES
 from quito_cli.solvers.outcome import Status
 from quito_cli.transcription.control import Basis, ControlBasis
 from quito_cli.transcription.generating import GENERATING_FUNCTIONS
@@ -49,7 +51,7 @@ def read(file: h5py.File) -> Solution:
         float(statistics["cost"]),
         control["mesh"][:],
         trajectory,
-        _read_basis(control.attrs, len(control["mesh"]) - 1),
+        _read_basis(control),
         control["coefficients"][:],
         control["parameters"][:],
         file["trajectory/costate"][:],
@@ -61,11 +63,14 @@ def read(file: h5py.File) -> Solution:
         _read_reference(file["dense"]),
         tuple(_read_drawing(group) for group in file.get("plots", {}).values()),
         adjoint,
+        _read_junctions(file),
+        _read_refinement(file["refinement"]) if "refinement" in file else None,
     )
 
 
-def _read_basis(attributes: Mapping[str, Any], cells: int) -> Basis:
+def _read_basis(group: h5py.Group) -> Basis:
     """Return the functions of the control, by the attributes that tell them from others."""
+    attributes, cells = group.attrs, len(group["mesh"]) - 1
     if "degree" in attributes:
         return PolynomialBasis(cells, int(attributes["degree"]))
     return ControlBasis(
@@ -74,7 +79,42 @@ def _read_basis(attributes: Mapping[str, Any], cells: int) -> Basis:
         float(attributes["variance"]),
         bool(attributes["normalised"]),
         int(attributes["most_ghosts"]) if "most_ghosts" in attributes else None,
+        group["index_slope"][:] if "index_slope" in group else None,
     )
+
+
+def _read_junctions(file: h5py.File) -> tuple[Junction, ...]:
+    """Return jumps and kinks; none from a file that is older than their detection."""
+    if "junctions" not in file:
+        return ()
+    group, names = file["junctions"], [str(n) for n in file["problem/control"].asstr()]
+    rows = zip(
+        group["control"].asstr()[:],
+        group["kind"].asstr()[:],
+        *(group[name][:] for name in ("time", *OF_JUNCTIONS)),
+        strict=True,
+    )
+    return tuple(
+        Junction(names.index(control), "kink" if kind == "kink" else "jump", *map(float, numbers))
+        for control, kind, *numbers in rows
+    )
+
+
+def _read_refinement(group: h5py.Group) -> Refinement:
+    names = [field.name for field in fields(Round) if field.name != "nodes"]
+    columns = {name: group[name][:].tolist() for name in names}  # as Python's own numbers
+    rounds = tuple(
+        Round(nodes=group[f"nodes_{i:03}"][:], **{name: columns[name][i] for name in names})
+        for i in range(len(group["round"]))
+    )
+    account = _read_account(group["account"]) if "account" in group else None
+    return Refinement(rounds, int(group.attrs["kept"]), str(group.attrs["outcome"]), account)
+
+
+def _read_account(group: h5py.Group) -> Account:
+    zones = tuple((float(start), float(end)) for start, end in group["left_out"][:])
+    names = [field.name for field in fields(Account) if field.name != "left_out"]
+    return Account(left_out=zones, **{name: float(group.attrs[name]) for name in names})
 
 
 def _read_curves(group: h5py.Group) -> tuple[Curve, Curve | None]:

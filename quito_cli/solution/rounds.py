@@ -36,6 +36,16 @@ class Round:
     seconds: float
     """Building and solving."""
 
+    @property
+    def cells(self) -> int:
+        """N."""
+        return len(self.nodes) - 1
+
+    @property
+    def shortest(self) -> float:
+        """Length of the shortest cell, over the horizon."""
+        return float(np.diff(self.nodes).min() / (self.nodes[-1] - self.nodes[0]))
+
 
 @dataclass(frozen=True)
 class Account:
@@ -65,6 +75,11 @@ class Account:
     def control(self) -> float:
         """One figure: the estimated error of û outside jumps, over its range."""
         return max(self.meshes, self.substeps, self.bounds)
+
+    @property
+    def time_left_out(self) -> float:
+        """Total width of the jump zones."""
+        return sum(end - start for start, end in self.left_out)
 
 
 @dataclass(frozen=True)

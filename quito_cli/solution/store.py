@@ -5,7 +5,13 @@
     interpolation  what makes states a function of time: ends of substeps, slopes; or the points of
                    a collocation, its degree, and the costates there
     dense          state, control and reference on a fine uniform grid
-    control        coefficients of û, generating function and variance, or degree; mesh
+    control        coefficients of û, generating function and variance, or degree; mesh, and on a
+                   graded one the slopes of the index at both ends of each cell
+    junctions      jumps and kinks by time: of which control, how uncertain, û before and after, L²
+                   norm of what a jump is smeared by
+    refinement     of an adaptive mesh: by round its cells, substeps, costs, gap, violation, change,
+                   blur, iterations and seconds, and the nodes of each; which was kept, and why it
+                   ended; in `account` the estimates of the control's error
     multipliers    of the nonlinear program's rows, by block
     iterations     objective, infeasibilities, barrier parameter
     statistics     cost, counts, times, and every figure of the evidence

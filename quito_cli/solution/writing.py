@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from quito_cli.solution.rounds import Refinement, Round
 from quito_cli.solution.solution import Drawing, Evidence, Solution
 from quito_cli.solution.trajectory import Polynomials, Trajectory
+from quito_cli.transcription.control import ControlBasis
 
 if TYPE_CHECKING:
     import h5py
@@ -25,6 +27,8 @@ BY_CONTROL = ("total_variation", "ringing")
 """Figures of the evidence that are arrays along the controls."""
 SENTENCES = ("warnings", "diagnosis")
 """Those that are lists of sentences."""
+OF_JUNCTIONS = ("uncertainty", "before", "after", "blur")
+"""Figures of the junctions that are arrays along them."""
 
 
 class _Group:
@@ -75,6 +79,9 @@ def write(file: h5py.File, solution: Solution) -> None:
     _write_interpolation(_Group(file, "interpolation"), solution)
     _write_dense(_Group(file, "dense"), solution)
     _write_control(_Group(file, "control"), solution)
+    _write_junctions(_Group(file, "junctions"), solution)
+    if solution.refinement is not None:
+        _write_refinement(_Group(file, "refinement"), solution.refinement)
     multipliers = _Group(file, "multipliers")
     for name, values in sorted(solution.multipliers.items()):
         key = name.replace(" ", "_")
@@ -170,6 +177,41 @@ def _write_control(into: _Group, solution: Solution) -> None:
     into.data("parameters", solution.parameters, "parameter_name")
     for name, value in basis.attributes.items():
         into.group.attrs[name] = value
+    if isinstance(basis, ControlBasis) and basis.index_slopes is not None:
+        into.axis("cell", np.arange(basis.cells))
+        into.axis("side", _texts(("start", "end")))
+        into.data("index_slope", basis.index_slopes, "cell", "side")
+
+
+def _write_junctions(into: _Group, solution: Solution) -> None:
+    found, controls = solution.junctions, solution.origin.controls
+    into.axis("time", np.array([j.time for j in found], dtype=float))
+    into.data("control", _texts(controls[j.control].name for j in found), "time")
+    into.data("kind", _texts(j.kind for j in found), "time")
+    for name in OF_JUNCTIONS:
+        into.data(name, np.array([getattr(j, name) for j in found], dtype=float), "time")
+
+
+def _write_refinement(into: _Group, refinement: Refinement) -> None:
+    rounds, account = refinement.rounds, refinement.account
+    into.group.attrs["kept"], into.group.attrs["outcome"] = refinement.kept, refinement.outcome
+    into.axis("round", np.arange(len(rounds)))
+    into.data("cells", np.array([one.cells for one in rounds]), "round")
+    for field in fields(Round):
+        if field.name != "nodes":
+            into.data(field.name, np.array([getattr(one, field.name) for one in rounds]), "round")
+    for i, one in enumerate(rounds):
+        into.axis(f"nodes_{i:03}", one.nodes)
+    if account is None:
+        return
+    numbers = asdict(account)
+    zones = np.array(numbers.pop("left_out"), dtype=float).reshape(-1, 2)
+    inner = _Group(into.group, "account")
+    inner.axis("zone", np.arange(len(zones)))
+    inner.axis("side", _texts(("start", "end")))
+    inner.data("left_out", zones, "zone", "side")
+    for name, value in numbers.items():
+        inner.group.attrs[name] = value
 
 
 def _write_statistics(into: _Group, solution: Solution) -> None:

@@ -40,6 +40,8 @@ class Progress:
     """In the file's sense."""
     violation: float
     """Largest violation of a constraint of the nonlinear program."""
+    stage: str = ""
+    """Of several solves after one another, which one: `mesh 3, 143 cells`."""
 
 
 Listener = Callable[[Progress], None]
