@@ -262,7 +262,8 @@ def test_a_mesh_that_follows_the_control_is_a_method() -> None:
     ours, adaptive = (row.errors for row in found.rows)
     assert ours is not None
     assert adaptive is not None
-    assert adaptive.norm < 0.1 < 1.0 < ours.norm
+    assert adaptive.norm < 0.1
+    assert ours.norm > 1.0
 
 
 def test_few_cells_leave_one_interval() -> None:
@@ -527,8 +528,8 @@ def test_results_that_cannot_be_compared(
     [
         (
             ["known.yaml", "--against", "dircol"],
-            "quito: there is no method 'dircol'; there are lgr, lgr:KxD, adaptive, hermite-simpson, "
-            "piecewise-constant, gaussian, laguerre4, laguerre6, hermite10, trigonometric, sech; "
+            "quito: there is no method 'dircol'; there are lgr, lgr:KxD, adaptive, "
+            "hermite-simpson, piecewise-constant, gaussian, laguerre4, laguerre6, hermite10, trigonometric, sech; "
             "and self, a finer solve as the truth\n",
         ),
         (
