@@ -529,8 +529,8 @@ def test_results_that_cannot_be_compared(
         (
             ["known.yaml", "--against", "dircol"],
             "quito: there is no method 'dircol'; there are lgr, lgr:KxD, adaptive, "
-            "hermite-simpson, piecewise-constant, gaussian, laguerre4, laguerre6, hermite10, trigonometric, sech; "
-            "and self, a finer solve as the truth\n",
+            "hermite-simpson, piecewise-constant, gaussian, laguerre4, laguerre6, hermite10, "
+            "trigonometric, sech; and self, a finer solve as the truth\n",
         ),
         (
             ["known.yaml", "--against", "hermite-simson"],
