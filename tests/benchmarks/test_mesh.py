@@ -121,6 +121,7 @@ def test_error_over_nodes_and_seconds() -> None:
 
 def draw(rows: dict[str, list[tuple[int, float, float]]]) -> None:
     """Write the figure of the README."""
+    from matplotlib import rc_context
     from matplotlib.figure import Figure
 
     from quito_cli.plots.figure import write
@@ -144,4 +145,5 @@ def draw(rows: dict[str, list[tuple[int, float, float]]]) -> None:
         axes.grid(alpha=0.25, which="both")
     left.legend(frameon=False)
     drawn.suptitle("Van der Pol oscillator with bounded control: bang, bang, singular")
-    write(drawn, FIGURE)
+    with rc_context({"svg.fonttype": "none"}):
+        write(drawn, FIGURE)
