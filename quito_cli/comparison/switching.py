@@ -27,7 +27,9 @@ _BESIDE = 1e-9
 def switching_times(
     answer: OfTime, truth: Truth, horizon: tuple[float, float]
 ) -> tuple[float, ...]:
-    """Return when `answer` switches, one for each of the truth's times; NaN where either does not.
+    """Return when `answer` switches, one for each of the truth's times.
+
+    Infinite where the answer does not switch; NaN where the truth has no jump to be looked for.
 
     Of several controls that jump at once, the one whose jump is largest for it is followed.
     """
@@ -58,10 +60,10 @@ def switching_times(
 
 
 def _crossing(times: Array, values: Array, near: float) -> float:
-    """Return the time nearest to `near` at which values rise above zero; NaN if they never do."""
+    """Return the time nearest to `near` at which values rise above zero; infinite if never."""
     (at,) = np.nonzero((values[:-1] < 0) & (values[1:] >= 0))
     if not at.size:
-        return np.nan
+        return np.inf
     share = -values[at] / (values[at + 1] - values[at])
     crossings = times[at] + share * (times[at + 1] - times[at])
     return float(crossings[np.argmin(np.abs(crossings - near))])
