@@ -265,6 +265,14 @@ def test_a_corner_of_the_truth_is_no_jump(model: MakeModel) -> None:
     assert np.isnan(switching_times(truth.control, truth, (0.0, 1.0))).all()
 
 
+def test_a_corner_of_a_solve_is_no_jump_either(solve: Solve, model: MakeModel) -> None:
+    """Rayleigh's control is continuous; as a solve, its corners are looked at from some way off."""
+    known = model("rayleigh").known
+    finer = from_solution(solve("rayleigh", steps=100), "a solve", known)
+    assert len(finer.switching_times) == 3
+    assert np.isnan(switching_times(finer.control, finer, (0.0, 4.5))).all()
+
+
 def test_the_truth_switches_when_it_does(model: MakeModel) -> None:
     for name in ("van_der_pol", "siri", "catalyst_mixing"):
         known = model(name)
