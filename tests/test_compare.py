@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +22,6 @@ from quito_cli.comparison.methods import METHODS, Method, again, method, name_of
 from quito_cli.comparison.statement import differing
 from quito_cli.comparison.table import COLUMNS
 from quito_cli.problem.load import load_text
-from quito_cli.problem.options import DiscretizationName
 from quito_cli.solve import Options
 from quito_cli.solvers.outcome import Progress
 
@@ -40,6 +39,15 @@ cost: {lagrange: u^2}
 KNOWN = PUSH + "reference: {cost: 1, control: {u: 1}, state: {x: t}}\n"
 WRONG = PUSH + "reference: {cost: 2, control: {u: 0}, state: {x: 0}}\n"
 """e = 1 on [0, 1]: every norm is one, or √n."""
+JUMPS = (
+    PUSH
+    + """\
+reference:
+  control: {u: [{until: 1/2, value: -1}, {value: 1}]}
+  switching_times: [1/2]
+"""
+)
+"""The jump is in the reference alone."""
 TOO_FAR = KNOWN.replace("final: 1}}", "final: 5}}")
 """With |u| <= 3, x ends at 3 at most."""
 LAGS = """\
@@ -50,9 +58,6 @@ controls: {u: {lower: -9, upper: 9}}
 dynamics: {x: u - x^3}
 cost: {lagrange: u^2}
 """
-lgr = pytest.mark.skipif(
-    "lgr" not in get_args(DiscretizationName), reason="there is no such discretization yet"
-)
 
 
 @dataclass(frozen=True)
@@ -79,7 +84,7 @@ def compare(
     monkeypatch.chdir(tmp_path)
     for name, text in {
         **{"push": PUSH, "known": KNOWN, "wrong": WRONG, "too_far": TOO_FAR, "lags": LAGS},
-        "other": LAGS.replace("x^3", "x"),
+        **{"other": LAGS.replace("x^3", "x"), "jumps": JUMPS},
     }.items():
         (tmp_path / f"{name}.yaml").write_text(text, encoding="utf-8")
 
@@ -266,6 +271,11 @@ def test_a_mesh_that_follows_the_control_is_a_method() -> None:
     assert ours.norm > 1.0
 
 
+def test_ours_is_no_other_method_by_whatever_name() -> None:
+    found = quito.compare("van_der_pol", "lgr,lgr:3x4,lgr:4x3", discretization="lgr", steps=3)
+    assert [row.method for row in found.rows] == ["lgr:3x4", "lgr:4x3"]
+
+
 def test_few_cells_leave_one_interval() -> None:
     assert method("lgr").options({**OURS, "steps": 3})["steps"] == 1
 
@@ -291,7 +301,6 @@ def test_a_classical_control_is_solved_again_without_what_it_does_not_know() -> 
     assert name_of({**OURS, "normalised": False}) == "quasi-interpolant:gaussian, as printed"
 
 
-@lgr
 def test_collocation_rows() -> None:
     found = quito.compare("van_der_pol", "lgr,lgr:1x20", steps=40)
     assert [row.method for row in found.rows[1:]] == ["lgr", "lgr:1x20"]
@@ -431,6 +440,10 @@ def test_an_option_of_a_solve_beside_a_result(
         "quito: steps belongs to a solve, and --result is solved already: leave one of them out\n",
     )
     assert set(OF_OUR_ROW) < set(vars(Options()))
+    settled: list[dict[str, Any]] = [{"degree": 5}, {"control": "piecewise-constant"}]
+    for option in settled:
+        with pytest.raises(quito.UsageError, match=f"{next(iter(option))} belongs to a solve"):
+            quito.compare("known.yaml", result="results/known.h5", **option)
 
 
 def test_statements() -> None:
@@ -549,7 +562,7 @@ def test_results_that_cannot_be_compared(
         ),
         (
             ["known.yaml", "--samples", "1"],
-            "quito: samples: two or more are needed, got 1\n",
+            "quito: samples: a number from 2 to 1000000 is expected, got 1\n",
         ),
         (
             ["known.yaml", "--max-ringing", "-1"],
@@ -579,13 +592,6 @@ def test_a_method_that_cannot_do_the_problem_is_named(compare: Compare) -> None:
     found = compare("known.yaml", "-N", "8", "--variance", "0.5", "--against", "hermite10")
     assert found.code == 2
     assert found.err.startswith("quito: hermite10: variance 0.5 is too small")
-
-
-@pytest.mark.skipif("lgr" in get_args(DiscretizationName), reason="there is")
-def test_a_method_that_is_not_there_is_named(compare: Compare) -> None:
-    found = compare("known.yaml", "-N", "8", "--against", "lgr")
-    assert found.code == 2
-    assert found.err.startswith("quito: lgr: ")
 
 
 # How it ends
@@ -654,6 +660,33 @@ def test_a_gate_without_a_figure(compare: Compare) -> None:
         "quito: max-switching-error: nothing is known to measure it by; leave it out, or give the "
         "problem a reference\n"
     )
+
+
+def test_a_switch_that_is_not_made_keeps_no_gate(compare: Compare) -> None:
+    """The reference jumps at 1/2, the answer never."""
+    found = compare("jumps.yaml", "-N", "5", "--max-switching-error", "1000", "--json")
+    assert found.code == 3
+    assert "switching_error is inf, above 1000" in found.err
+    (switch,) = found.json["rows"][0]["switching_times"]
+    assert switch == {"known": 0.5, "found": None, "error": None}
+    assert r"$\infty$" in compare("jumps.yaml", "-N", "5", "--latex").out
+
+
+def test_a_gate_of_what_lies_outside_of_zones_that_are_everywhere(compare: Compare) -> None:
+    limits = ["--zone", "0.4", "--max-error-sup-outside", "1"]
+    found = compare("van_der_pol", "-N", "20", *limits)
+    assert found.code == 2
+    assert found.err.startswith("quito: max-error-sup-outside: nothing is known to measure it by")
+
+
+def test_gates_of_results_are_not_kept_by_the_truth_alone(compare: Compare) -> None:
+    """Held against the first of them, the first has no error: the others are what is judged."""
+    quito.solve("lags.yaml", steps=20).save("fine.h5")
+    quito.solve("lags.yaml", steps=4).save("coarse.h5")
+    found = compare("fine.h5", "coarse.h5", "--max-error-l2", "1e-9")
+    assert found.code == 3
+    assert re.fullmatch(r"quito: coarse: error_l2 is [\d.e-]+, above 1e-09\n", found.err)
+    assert compare("fine.h5", "coarse.h5", "--max-error-l2", "1").code == 0
 
 
 def test_every_gate_is_an_option_and_a_column(compare: Compare) -> None:
