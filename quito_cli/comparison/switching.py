@@ -56,7 +56,7 @@ def switching_times(
             grid = np.linspace(*window, POINTS)
             values = (answer(grid)[:, control] - middle) * np.sign(jumps[i, control])
             crossing = _crossing(grid, values, crossing)
-            if np.isnan(crossing):
+            if not np.isfinite(crossing):
                 break
             window = crossing - (grid[1] - grid[0]), crossing + (grid[1] - grid[0])
         found.append(crossing)
