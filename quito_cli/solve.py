@@ -56,7 +56,7 @@ class Options:
         Raises:
             UsageError: an unknown option, a wrong value, or options that exclude each other.
         """
-        from quito_cli.problem.options import idle, refuse_idle
+        from quito_cli.problem.options import COLLOCATION, idle, refuse_idle
 
         asked = _checked(given)
         wanted = file.model_dump(exclude_none=True)
@@ -66,6 +66,8 @@ class Options:
         if discretization != wanted.get("discretization"):
             for name in idle(discretization):  # the file's choice was for the file's method
                 wanted.pop(name, None)
+            if discretization == COLLOCATION:
+                wanted.pop("mesh", None)
         if "control" in asked and asked["control"] != wanted.get("control", cls.control):
             for name in QUASI_INTERPOLANT_ONLY:  # the file's choice was for the file's control
                 wanted.pop(name, None)
@@ -104,6 +106,10 @@ class Options:
             )
         name = "steps" if "steps" in asked else "mesh_steps"
         cells = getattr(self, name)
+        if cells < FEWEST:
+            raise UsageError(
+                f"steps: an adaptive mesh starts from {FEWEST} cells at least, got {cells}"
+            )
         found = replace(self, steps=cells, mesh_steps=cells)
         if found.most_cells < cells:
             raise UsageError(
@@ -133,6 +139,8 @@ DENSE_POINTS = 20
 """Points of a collocation that depend on one another as much as a step costs."""
 ADAPTIVE_ONLY = ("mesh_steps", "mesh_tolerance", "mesh_iterations", "mesh_limit")
 """Options that mean nothing to a uniform mesh."""
+FEWEST = 4
+"""Cells that an adaptive mesh may start from: fewer have no place to be moved to."""
 QUASI_INTERPOLANT_ONLY = ("variance", "generating_function", "normalised")
 """Options that mean nothing to the classical controls."""
 

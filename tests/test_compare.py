@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +22,6 @@ from quito_cli.comparison.methods import METHODS, Method, again, method, name_of
 from quito_cli.comparison.statement import differing
 from quito_cli.comparison.table import COLUMNS
 from quito_cli.problem.load import load_text
-from quito_cli.problem.options import DiscretizationName
 from quito_cli.solve import Options
 from quito_cli.solvers.outcome import Progress
 
@@ -40,6 +39,15 @@ cost: {lagrange: u^2}
 KNOWN = PUSH + "reference: {cost: 1, control: {u: 1}, state: {x: t}}\n"
 WRONG = PUSH + "reference: {cost: 2, control: {u: 0}, state: {x: 0}}\n"
 """e = 1 on [0, 1]: every norm is one, or √n."""
+JUMPS = (
+    PUSH
+    + """\
+reference:
+  control: {u: [{until: 1/2, value: -1}, {value: 1}]}
+  switching_times: [1/2]
+"""
+)
+"""The jump is in the reference alone."""
 TOO_FAR = KNOWN.replace("final: 1}}", "final: 5}}")
 """With |u| <= 3, x ends at 3 at most."""
 LAGS = """\
@@ -50,9 +58,6 @@ controls: {u: {lower: -9, upper: 9}}
 dynamics: {x: u - x^3}
 cost: {lagrange: u^2}
 """
-lgr = pytest.mark.skipif(
-    "lgr" not in get_args(DiscretizationName), reason="there is no such discretization yet"
-)
 
 
 @dataclass(frozen=True)
@@ -79,7 +84,7 @@ def compare(
     monkeypatch.chdir(tmp_path)
     for name, text in {
         **{"push": PUSH, "known": KNOWN, "wrong": WRONG, "too_far": TOO_FAR, "lags": LAGS},
-        "other": LAGS.replace("x^3", "x"),
+        **{"other": LAGS.replace("x^3", "x"), "jumps": JUMPS},
     }.items():
         (tmp_path / f"{name}.yaml").write_text(text, encoding="utf-8")
 
@@ -250,8 +255,25 @@ OURS: dict[str, Any] = {
     ],
 )
 def test_what_a_method_takes_over_from_ours(name: str, own: dict[str, Any]) -> None:
-    shared = {"tolerance": 1e-7, "max_iterations": 77, "solver": "ipopt"}
+    shared = {"tolerance": 1e-7, "max_iterations": 77, "solver": "ipopt", "mesh": "uniform"}
     assert method(name).options(OURS) == shared | own
+
+
+def test_a_mesh_that_follows_the_control_is_a_method() -> None:
+    """The paper's norm at its 1200 samples: no uniform mesh of that step comes below 0.25."""
+    found = quito.compare("van_der_pol", "adaptive", steps=300)
+    assert [row.method for row in found.rows] == ["quasi-interpolant:gaussian", "adaptive"]
+    assert len(found.sample_times) == 1200
+    ours, adaptive = (row.errors for row in found.rows)
+    assert ours is not None
+    assert adaptive is not None
+    assert adaptive.norm < 0.1
+    assert ours.norm > 1.0
+
+
+def test_ours_is_no_other_method_by_whatever_name() -> None:
+    found = quito.compare("van_der_pol", "lgr,lgr:3x4,lgr:4x3", discretization="lgr", steps=3)
+    assert [row.method for row in found.rows] == ["lgr:3x4", "lgr:4x3"]
 
 
 def test_few_cells_leave_one_interval() -> None:
@@ -279,7 +301,6 @@ def test_a_classical_control_is_solved_again_without_what_it_does_not_know() -> 
     assert name_of({**OURS, "normalised": False}) == "quasi-interpolant:gaussian, as printed"
 
 
-@lgr
 def test_collocation_rows() -> None:
     found = quito.compare("van_der_pol", "lgr,lgr:1x20", steps=40)
     assert [row.method for row in found.rows[1:]] == ["lgr", "lgr:1x20"]
@@ -419,6 +440,10 @@ def test_an_option_of_a_solve_beside_a_result(
         "quito: steps belongs to a solve, and --result is solved already: leave one of them out\n",
     )
     assert set(OF_OUR_ROW) < set(vars(Options()))
+    settled: list[dict[str, Any]] = [{"degree": 5}, {"control": "piecewise-constant"}]
+    for option in settled:
+        with pytest.raises(quito.UsageError, match=f"{next(iter(option))} belongs to a solve"):
+            quito.compare("known.yaml", result="results/known.h5", **option)
 
 
 def test_statements() -> None:
@@ -516,14 +541,14 @@ def test_results_that_cannot_be_compared(
     [
         (
             ["known.yaml", "--against", "dircol"],
-            "quito: there is no method 'dircol'; there are lgr, lgr:KxD, hermite-simpson, "
-            "piecewise-constant, gaussian, laguerre4, laguerre6, hermite10, trigonometric, sech; "
-            "and self, a finer solve as the truth\n",
+            "quito: there is no method 'dircol'; there are lgr, lgr:KxD, adaptive, "
+            "hermite-simpson, piecewise-constant, gaussian, laguerre4, laguerre6, hermite10, "
+            "trigonometric, sech; and self, a finer solve as the truth\n",
         ),
         (
             ["known.yaml", "--against", "hermite-simson"],
             "quito: there is no method 'hermite-simson'; did you mean 'hermite-simpson'?; there "
-            "are lgr, lgr:KxD, hermite-simpson, piecewise-constant, gaussian, laguerre4, "
+            "are lgr, lgr:KxD, adaptive, hermite-simpson, piecewise-constant, gaussian, laguerre4, "
             "laguerre6, hermite10, trigonometric, sech; and self, a finer solve as the truth\n",
         ),
         (
@@ -537,7 +562,7 @@ def test_results_that_cannot_be_compared(
         ),
         (
             ["known.yaml", "--samples", "1"],
-            "quito: samples: two or more are needed, got 1\n",
+            "quito: samples: a number from 2 to 1000000 is expected, got 1\n",
         ),
         (
             ["known.yaml", "--max-ringing", "-1"],
@@ -567,13 +592,6 @@ def test_a_method_that_cannot_do_the_problem_is_named(compare: Compare) -> None:
     found = compare("known.yaml", "-N", "8", "--variance", "0.5", "--against", "hermite10")
     assert found.code == 2
     assert found.err.startswith("quito: hermite10: variance 0.5 is too small")
-
-
-@pytest.mark.skipif("lgr" in get_args(DiscretizationName), reason="there is")
-def test_a_method_that_is_not_there_is_named(compare: Compare) -> None:
-    found = compare("known.yaml", "-N", "8", "--against", "lgr")
-    assert found.code == 2
-    assert found.err.startswith("quito: lgr: ")
 
 
 # How it ends
@@ -642,6 +660,33 @@ def test_a_gate_without_a_figure(compare: Compare) -> None:
         "quito: max-switching-error: nothing is known to measure it by; leave it out, or give the "
         "problem a reference\n"
     )
+
+
+def test_a_switch_that_is_not_made_keeps_no_gate(compare: Compare) -> None:
+    """The reference jumps at 1/2, the answer never."""
+    found = compare("jumps.yaml", "-N", "5", "--max-switching-error", "1000", "--json")
+    assert found.code == 3
+    assert "switching_error is inf, above 1000" in found.err
+    (switch,) = found.json["rows"][0]["switching_times"]
+    assert switch == {"known": 0.5, "found": None, "error": None}
+    assert r"$\infty$" in compare("jumps.yaml", "-N", "5", "--latex").out
+
+
+def test_a_gate_of_what_lies_outside_of_zones_that_are_everywhere(compare: Compare) -> None:
+    limits = ["--zone", "0.4", "--max-error-sup-outside", "1"]
+    found = compare("van_der_pol", "-N", "20", *limits)
+    assert found.code == 2
+    assert found.err.startswith("quito: max-error-sup-outside: nothing is known to measure it by")
+
+
+def test_gates_of_results_are_not_kept_by_the_truth_alone(compare: Compare) -> None:
+    """Held against the first of them, the first has no error: the others are what is judged."""
+    quito.solve("lags.yaml", steps=20).save("fine.h5")
+    quito.solve("lags.yaml", steps=4).save("coarse.h5")
+    found = compare("fine.h5", "coarse.h5", "--max-error-l2", "1e-9")
+    assert found.code == 3
+    assert re.fullmatch(r"quito: coarse: error_l2 is [\d.e-]+, above 1e-09\n", found.err)
+    assert compare("fine.h5", "coarse.h5", "--max-error-l2", "1").code == 0
 
 
 def test_every_gate_is_an_option_and_a_column(compare: Compare) -> None:

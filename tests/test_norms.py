@@ -133,9 +133,9 @@ def test_switching_times(held: Callable[..., Comparison]) -> None:
         assert row.switching_times == pytest.approx((0.2 * late,), abs=1e-4)
         assert row.switching_errors == pytest.approx((0.2 * late - 1,), abs=1e-4)
     never = row_of(held([0] * 10, [2] * 10))
-    assert np.isnan(never.switching_times).all()
+    assert np.isinf(never.switching_times).all()
     backwards = row_of(held([3] * 5 + [0] * 5, [2] * 10))
-    assert np.isnan(backwards.switching_times).all(), "the jump of the truth is upwards"
+    assert np.isinf(backwards.switching_times).all(), "the jump of the truth is upwards"
 
 
 def test_what_is_not_known_has_no_error(solve: Solve, model: MakeModel) -> None:
@@ -263,6 +263,14 @@ def test_a_corner_of_the_truth_is_no_jump(model: MakeModel) -> None:
     assert truth is not None
     assert len(truth.switching_times) == 2
     assert np.isnan(switching_times(truth.control, truth, (0.0, 1.0))).all()
+
+
+def test_a_corner_of_a_solve_is_no_jump_either(solve: Solve, model: MakeModel) -> None:
+    """Rayleigh's control is continuous; as a solve, its corners are looked at from some way off."""
+    known = model("rayleigh").known
+    finer = from_solution(solve("rayleigh", steps=100), "a solve", known)
+    assert len(finer.switching_times) == 3
+    assert np.isnan(switching_times(finer.control, finer, (0.0, 4.5))).all()
 
 
 def test_the_truth_switches_when_it_does(model: MakeModel) -> None:

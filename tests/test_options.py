@@ -238,6 +238,27 @@ def test_what_an_adaptive_mesh_starts_from() -> None:
         resolve(mesh="adaptive", steps=30, mesh_steps=40)
 
 
+def test_an_adaptive_mesh_starts_from_some_cells() -> None:
+    assert resolve(mesh="adaptive", steps=4).steps == 4
+    with pytest.raises(quito.UsageError, match=r"^steps: .* from 4 cells at least, got 3$"):
+        resolve(mesh="adaptive", steps=3)
+
+
+def test_a_collocation_has_no_adaptive_mesh() -> None:
+    for file, given in (
+        ({}, {"mesh": "adaptive", "discretization": "lgr"}),
+        ({"mesh": "adaptive", "discretization": "lgr"}, {}),
+        ({"discretization": "lgr"}, {"mesh": "adaptive"}),
+        ({"mesh": "adaptive"}, {"mesh": "adaptive", "discretization": "lgr"}),
+    ):
+        with pytest.raises(quito.UsageError, match=r"^an adaptive mesh follows .* lgr is none"):
+            resolve(file, **given)
+    assert resolve({"mesh": "adaptive"}, discretization="lgr").mesh == "uniform"
+    assert resolve({"discretization": "lgr"}, mesh="adaptive", discretization="rk4").mesh == (
+        "adaptive"
+    )
+
+
 def test_the_most_cells_an_adaptive_mesh_may_come_to() -> None:
     assert resolve(mesh="adaptive").most_cells == 200
     assert resolve(mesh="adaptive", steps=30).most_cells == 60

@@ -237,6 +237,15 @@ def test_the_comparisons_of_the_paper_run(
         assert re.search(rf"(?<![\w-]){re.escape(flag)}(?![\w-])", helps["compare"]), flag
 
 
+def test_the_adaptive_solve_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    _, *arguments = marked("command: adaptive").split()
+    assert run([*arguments, "-q", "--no-plot"], monkeypatch) == 0
+    solution = quito.Solution.load(tmp_path / "results" / "van_der_pol.h5")
+    assert solution.refinement is not None
+    assert (ROOT / "problems" / "mesh.svg").is_file()
+
+
 def test_the_columns_of_a_comparison() -> None:
     text = section("Held against the truth, and against others")
     rows = re.findall(r"^\| (`.+?) \|", text.split("| column |")[1].split("| option |")[0], re.M)

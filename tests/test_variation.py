@@ -84,6 +84,26 @@ def test_what_nobody_sees_is_no_ringing() -> None:
     assert ringing_index(line, WIDTH, T) <= 1.2
 
 
+@pytest.mark.parametrize("true", [1.0, -40.0])
+@pytest.mark.parametrize("known", [True, False])
+def test_the_noise_of_a_constant_is_no_ringing_but_waves_that_are_seen_are(
+    true: float, known: bool
+) -> None:
+    constant = np.full(len(T), true)
+    reference = constant if known else None
+    for amplitude in (1e-9, 1e-7, 5e-6):
+        quiet = constant + noise(amplitude * abs(true))
+        assert ringing_index(quiet, WIDTH, reference, 2 * abs(true)) <= 1.2
+    assert ringing_index(constant + noise(0.01 * abs(true)), WIDTH, reference) > 100
+
+
+def test_the_noise_of_a_zero_control_is_no_ringing_within_its_bounds() -> None:
+    zero = np.zeros(len(T))
+    assert ringing_index(noise(5e-9), WIDTH, zero, 1.0) <= 1.2
+    assert ringing_index(noise(1e-2), WIDTH, zero, 1.0) > 100
+    assert ringing_index(0.5 + noise(0.1), WIDTH, 0.5 + zero, 1e3) > 100
+
+
 def test_a_jump_of_the_reference_is_left_out_and_beside_it_nothing_is() -> None:
     near, far = STEP.copy(), STEP.copy()
     jump = int(np.argmax(T >= 0.37))

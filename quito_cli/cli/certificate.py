@@ -12,7 +12,7 @@ import typer
 
 from quito_cli.cli.text import columns, instant, labelled, plain
 from quito_cli.solution.structure import by_quantity
-from quito_cli.solution.verdicts import CAVEAT, verdict
+from quito_cli.solution.tally import CAVEAT, verdict
 
 if TYPE_CHECKING:
     from quito_cli.solution.optimal import Arc, Condition

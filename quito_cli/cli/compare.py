@@ -116,7 +116,7 @@ def compare(
         float | None, _limit("state-error", "error of a state over the size of that state")
     ] = None,
     max_switching_error: Annotated[
-        float | None, _limit("switching-error", "error of the switching times that were found")
+        float | None, _limit("switching-error", "error of the switching times")
     ] = None,
     max_total_variation: Annotated[
         float | None, _limit("total-variation", "of all controls together")
@@ -144,11 +144,12 @@ def compare(
 ) -> None:
     """Compare an answer with what is known of it, and with what other methods find.
 
-    The first row is ours, and the gates are limits of that row alone: exit code 3 where one is not
-    kept. Tolerance, iterations, solver and --set hold for all methods; -N for all but lgr:KxD;
-    variance, discretization and substeps for ours and those that differ from it by their control
-    alone, the generating functions and piecewise-constant. Where the final time is free, all are
-    compared on the time that they have in common.
+    The first row is ours, and the gates are limits of that row alone, or of the others where the
+    first of saved results is what they are held against: exit code 3 where one is not kept.
+    Tolerance, iterations, solver and --set hold for all methods; -N for all but lgr:KxD; variance,
+    discretization and substeps for ours and those that differ from it by their control alone, the
+    generating functions and piecewise-constant. Where the final time is free, all are compared on
+    the time that they have in common.
 
     Results are held against the reference of their file where they all state the same problem and
     the file knows the control, and against the first of them otherwise. They must have the same
@@ -233,7 +234,7 @@ def _compared(
         given = {"--against": against, "--result": result, "--set": settings}
         given |= {f"--{name.replace('_', '-')}": value for name, value in options.items()}
         for option, value in given.items():
-            if value:
+            if value not in (None, []):
                 raise UsageError(f"{option} belongs to a problem, not to saved results")
         return compare_results(targets, **measures)
     if len(targets) > 1:

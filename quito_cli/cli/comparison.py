@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,13 +38,19 @@ def print_comparison(found: Comparison, drawn: tuple[Path, ...], *, verbose: boo
 
 
 def _aligned(table: Table) -> str:
-    """Return the rows with the figures right-aligned below their headings."""
+    """Return the rows with the figures right-aligned below their headings.
+
+    On a terminal too narrow for that, the names stand above their figures.
+    """
     rows = [("method", *(c.heading for c in table.columns)), *table.rows, *table.published]
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return columns(
-        [
-            (row[0], *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)))
-            for row in rows
-        ],
-        header=True,
-    )
+    cells = [
+        (row[0], *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)))
+        for row in rows
+    ]
+    needed = sum(widths) + 2 * len(widths)
+    if not sys.stdout.isatty() or needed <= shutil.get_terminal_size().columns:
+        return columns(cells, header=True)
+    head, *figures = columns([row[1:] for row in cells], indent="    ", header=True).splitlines()
+    below = [f"  {plain(row[0])}\n{line}" for row, line in zip(cells[1:], figures, strict=True)]
+    return "\n".join([head, *below])

@@ -22,6 +22,8 @@ _HEADS = (
     *("gap", "violation", "change", "blur", "iterations", "seconds"),
 )
 """Of the table of rounds."""
+_MOST_LEFT_OUT = 0.5
+"""Part of the horizon around jumps: what is known of the rest is no figure for the control."""
 _WIDTH = 90
 """Of a sentence in the summary."""
 
@@ -82,10 +84,12 @@ def _error(solution: Solution, account: Account | None) -> list[tuple[str, str]]
         return [(label, "not estimated: refinement did not get so far")]
     horizon = float(solution.times[-1] - solution.times[0])
     whose = "its range" if len(controls) == 1 else "their range"
-    where = "at all times"
+    where, part = "at all times", account.time_left_out / horizon
+    if part > _MOST_LEFT_OUT:
+        said = f"not known: what jumps blur is {part:.0%} of the horizon; start from more cells"
+        return [(label, said.replace("%", " %"))]
     if account.left_out:
-        whole = 100 * account.time_left_out / horizon
-        where = f"outside jumps ({whole:.2g} % of the horizon)"
+        where = f"outside jumps ({100 * part:.2g} % of the horizon)"
     beside = {
         "saturation": account.saturation,
         "approximation": account.approximation,

@@ -21,7 +21,6 @@ from quito_cli.comparison.methods import (
     control_points,
     name_of,
     parse,
-    plain_name,
 )
 from quito_cli.comparison.results import loaded, restated
 from quito_cli.comparison.statement import differing
@@ -44,12 +43,8 @@ Found = TypeVar("Found")
 FINER: Final = 4
 """Cells of the solve that is the truth, for each of ours."""
 OF_OUR_ROW: Final = (
-    "steps",
-    "variance",
-    "generating_function",
-    "discretization",
-    "substeps",
-    "mesh",
+    *("steps", "variance", "generating_function", "normalised", "control"),
+    *("discretization", "substeps", "degree", "mesh"),
 )
 """Options that a saved result has settled."""
 
@@ -135,9 +130,9 @@ def _others(
     """
     others = []
     for method in methods:
-        if plain_name(method.name) != name_of(ours):
-            wanted = method.options(ours)
-            _named(method.name, partial(Options.resolve, problem.options, wanted))
+        wanted = method.options(ours)
+        resolved = _named(method.name, partial(Options.resolve, problem.options, wanted))
+        if name_of(asdict(resolved)) != name_of(ours):
             others.append((method, wanted))
     return others
 

@@ -43,6 +43,8 @@ class Truth:
     """By control, jumps counted; NaN where unknown."""
     blur: float = 0.0
     """Time to either side of a switching time over which a jump is spread: none, in a formula."""
+    first_row: bool = False
+    """Whether it is the answer of the first row."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,8 @@ class Row:
     by_control: tuple[Errors, ...]
     """NaN where nothing is known of a control."""
     cost_error: float | None
-    """Its cost − the truth's: below zero where it claims more than can be had."""
+    """Its cost − the truth's: below zero, in a maximisation above, where it claims more than can be
+    had."""
     resimulated_cost_error: float | None
     """What its own control attains − the truth's cost."""
     state_errors: tuple[float, ...]
@@ -84,7 +87,8 @@ class Row:
     state_error: float | None
     """The largest of them, each over the largest |x*|."""
     switching_times: tuple[float, ...]
-    """Found near each of the truth's; NaN where none is."""
+    """Found near each of the truth's; infinite where the answer does not switch, NaN where the
+    truth does not."""
     total_variation: tuple[float, ...]
     """By control."""
     ringing: tuple[float, ...] | None

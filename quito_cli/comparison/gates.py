@@ -1,12 +1,15 @@
 """Gates: limits that a comparison must keep, for use where nobody looks at the table.
 
 They are limits of the first row, which is ours: what another method does badly is no fault of ours.
+Where the first row is itself the truth, of saved results, they are limits of all others.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import product
 from typing import Final
 
 from quito_cli.comparison.comparison import Comparison, Row
@@ -54,19 +57,18 @@ def check_limits(limits: Mapping[str, float | None]) -> None:
 
 
 def check_gates(comparison: Comparison, limits: Mapping[str, float | None]) -> None:
-    """Hold the first row against limits, by the names of gates; None is no limit.
+    """Hold our row against limits, by the names of gates; None is no limit.
 
     Raises:
         UsageError: there is no figure to hold against a limit.
         GateError: a limit is not kept; every one that is not is told.
     """
-    row, failed = comparison.rows[0], []
-    for gate in GATES:
-        limit = limits.get(gate.name)
-        if limit is None:
-            continue
+    truth, failed = comparison.truth, []
+    rows = comparison.rows[1:] if truth and truth.first_row else comparison.rows[:1]
+    asked = ((gate, limit) for gate in GATES if (limit := limits.get(gate.name)) is not None)
+    for (gate, limit), row in product(asked, rows):
         value = _FIGURES[gate.column](row)
-        if value is None:
+        if value is None or math.isnan(value):
             raise UsageError(
                 f"max-{gate.name}: nothing is known to measure it by; leave it out, or give the "
                 "problem a reference"

@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 
 SAMPLES: Final = 4
 """Of the sampled norms, for each cell of ours: 1200 for 300, as the published figures have it."""
+MOST_SAMPLES: Final = 1_000_000
+"""That may be asked for."""
 ZONE: Final = 0.01
 """Half the width of a jump zone, as a fraction of the horizon."""
 
@@ -105,8 +107,8 @@ def check_setting(samples: int | None, zone: float) -> None:
     Raises:
         UsageError: naming the option.
     """
-    if samples is not None and samples < 2:
-        raise UsageError(f"samples: two or more are needed, got {samples}")
+    if samples is not None and not 2 <= samples <= MOST_SAMPLES:
+        raise UsageError(f"samples: a number from 2 to {MOST_SAMPLES} is expected, got {samples}")
     if not 0 <= zone < 0.5:
         raise UsageError(f"zone: a fraction of the horizon from 0 to below 0.5, got {zone:g}")
 

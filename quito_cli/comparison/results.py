@@ -7,6 +7,7 @@ control, or else the first of them.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from quito_cli.comparison.comparison import Comparison
@@ -56,9 +57,9 @@ def compare_results(
     model = build(problems[0])
     truth = from_reference(model) if not notes else None
     if truth is None:
-        truth = from_solution(
-            first, f"the first result, {names[0]}", None if notes else model.known
-        )
+        title = f"the first result, {names[0]}"
+        truth = from_solution(first, title, None if notes else model.known)
+        truth = replace(truth, first_row=True)
     known = {solution.reference is not None for solution in solutions}
     if len(known) > 1:
         notes.append("no ringing: some of the results have it relative to a reference, others not")

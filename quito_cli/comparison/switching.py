@@ -22,6 +22,8 @@ CLOSER = 1
 """Times that the neighbourhood of a crossing is looked at by as many points."""
 JUMP = 1e-3
 """Smallest jump, over the span of the control."""
+STEEPER = 2.0
+"""A jump is by this factor more than the control changes as quickly beside it."""
 _BESIDE = 1e-9
 """Of the horizon: where the limits of the truth are taken."""
 
@@ -29,7 +31,9 @@ _BESIDE = 1e-9
 def switching_times(
     answer: OfTime, truth: Truth, horizon: tuple[float, float]
 ) -> tuple[float, ...]:
-    """Return when `answer` switches, one for each of the truth's times; NaN where either does not.
+    """Return when `answer` switches, one for each of the truth's times.
+
+    Infinite where the answer does not switch; NaN where the truth has no jump to be looked for.
 
     Of several controls that jump at once, the one whose jump is largest for it is followed.
     """
@@ -37,39 +41,53 @@ def switching_times(
     if not times:
         return ()
     at, length = np.array(times), horizon[1] - horizon[0]
-    beside = max(_BESIDE * length, truth.blur)
-    before, after = truth.control(at - beside), truth.control(at + beside)
-    span = np.ptp(truth.control(np.linspace(*horizon, POINTS)), axis=0)
-    jumps = np.abs(after - before) / np.where(span > 0, span, np.inf)
-    jumps = np.where(np.isfinite(jumps), jumps, 0.0)
     limits = np.concatenate([[horizon[0]], (at[1:] + at[:-1]) / 2, [horizon[1]]])
+    middles, jumps = _jumps(truth, at, limits, horizon)
     found = []
     for i, time in enumerate(times):
-        if jumps.shape[1] == 0 or jumps[i].max() < JUMP or not horizon[0] < time < horizon[1]:
+        if not jumps[i].any() or not horizon[0] < time < horizon[1]:
             found.append(np.nan)
             continue
-        control = int(jumps[i].argmax())
+        control = int(np.abs(jumps[i]).argmax())
         reach = FARTHEST * length
         window = max(limits[i], time - reach), min(limits[i + 1], time + reach)
-        middle = (before[i, control] + after[i, control]) / 2
-        rising = after[i, control] > before[i, control]
-        crossing = time
+        crossing, middle = time, middles[i, control]
         for _ in range(1 + CLOSER):
             grid = np.linspace(*window, POINTS)
-            values = (answer(grid)[:, control] - middle) * (1 if rising else -1)
+            values = (answer(grid)[:, control] - middle) * np.sign(jumps[i, control])
             crossing = _crossing(grid, values, crossing)
-            if np.isnan(crossing):
+            if not np.isfinite(crossing):
                 break
             window = crossing - (grid[1] - grid[0]), crossing + (grid[1] - grid[0])
         found.append(crossing)
     return tuple(found)
 
 
+def _jumps(
+    truth: Truth, at: Array, limits: Array, horizon: tuple[float, float]
+) -> tuple[Array, Array]:
+    """Return the middles of the truth's jumps, and their heights over the span; (times, n_u) each.
+
+    The height is zero where there is none: where it changes as much farther out, up to half-way to
+    the neighbours, it is steep there, or has a corner.
+    """
+    beside = max(_BESIDE * (horizon[1] - horizon[0]), truth.blur)
+    before, after = truth.control(at - beside), truth.control(at + beside)
+    sooner = truth.control(np.maximum(at - 3 * beside, limits[:-1]))
+    later = truth.control(np.minimum(at + 3 * beside, limits[1:]))
+    usual = np.maximum(np.abs(before - sooner), np.abs(later - after))
+    span = np.ptp(truth.control(np.linspace(*horizon, POINTS)), axis=0)
+    with np.errstate(invalid="ignore"):
+        heights = (after - before) / np.where(span > 0, span, np.inf)
+        some = (np.abs(heights) >= JUMP) & (np.abs(after - before) > STEEPER * usual)
+    return (before + after) / 2, np.where(some, heights, 0.0)
+
+
 def _crossing(times: Array, values: Array, near: float) -> float:
-    """Return the time nearest to `near` at which values rise above zero; NaN if they never do."""
+    """Return the time nearest to `near` at which values rise above zero; infinite if never."""
     (at,) = np.nonzero((values[:-1] < 0) & (values[1:] >= 0))
     if not at.size:
-        return np.nan
+        return np.inf
     share = -values[at] / (values[at + 1] - values[at])
     crossings = times[at] + share * (times[at + 1] - times[at])
     return float(crossings[np.argmin(np.abs(crossings - near))])

@@ -56,6 +56,7 @@ def of_errors(name: str) -> Callable[[Row], Figure]:
 
 
 def _switching_error(row: Row) -> Figure:
+    """Return the largest error; infinite where a switch is not made, None where none is known."""
     found = [abs(error) for error in row.switching_errors if not math.isnan(error)]
     return max(found, default=None)
 
@@ -92,7 +93,8 @@ COLUMNS: Final[Mapping[str, tuple[Column, ...]]] = {
         Column("cost", "cost", "cost", ".8g", "as solved", lambda row: row.solution.cost),
         Column(
             *("cost_error", "error", "error", "+.1e"),
-            "cost - the truth's: below zero where it claims more than can be had",
+            "cost - the truth's: below zero (above, in a maximisation) where it claims more than "
+            "can be had",
             lambda row: row.cost_error,
         ),
         Column(
@@ -158,7 +160,7 @@ COLUMNS: Final[Mapping[str, tuple[Column, ...]]] = {
         ),
         Column(
             *("switching_error", "switching", "switching", ".1e"),
-            "largest error of a switching time that was found",
+            "largest error of a switching time; inf where the answer does not switch",
             _switching_error,
         ),
         Column(

@@ -22,6 +22,7 @@ _TEX: Final = {
     **{mark: f"\\{mark}" for mark in "&%$#_{}"},
 }
 _MARKDOWN: Final = re.compile(r"([\\`*_\[\]<>|~])")
+_INFINITY: Final = r"\infty"
 _SCIENTIFIC: Final = re.compile(r"([+-]?)([\d.]+)e([+-])0*(\d+)")
 
 
@@ -95,4 +96,4 @@ def _tex_figure(figure: str) -> str:
     if found := _SCIENTIFIC.fullmatch(figure):
         sign, digits, minus, power = found.groups()
         return rf"${sign}{digits}\times10^{{{'-' if minus == '-' else ''}{power}}}$"
-    return "--" if figure == "-" else f"${figure}$"
+    return "--" if figure == "-" else f"${figure.replace('inf', _INFINITY)}$"

@@ -23,7 +23,7 @@ from quito_cli.plots.layout import balanced, places, shared, with_unit
 from quito_cli.plots.palette import plain
 from quito_cli.plots.plan import draw_plan
 from quito_cli.solution.junctions import Junction
-from quito_cli.solution.optimal import Arc
+from quito_cli.solution.optimal import HAMILTONIAN, SWITCHING, Arc
 from quito_cli.solution.solution import Drawing, Quantity, Solution
 from quito_cli.solution.store import write_aside
 
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-HAMILTONIAN = "H"
-"""Its name among the curves of an extremal."""
 _FLAT = 0.01
 """Part of the size of the Hamiltonian's terms below which its changes are no shape."""
 _ENTRY = 1.75
@@ -96,25 +94,19 @@ def _costates(solution: Solution) -> list[Panel]:
 
 def _switching(solution: Solution) -> list[Panel]:
     """Return the switching functions over the arcs of their controls, and the Hamiltonian."""
-    extremal = solution.extremal
-    if extremal is None:
+    if solution.extremal is None:
         return []
-    quantities = [Quantity(n, "", -np.inf, np.inf) for n in extremal.curves if n != HAMILTONIAN]
-    controls = [quantity.name for quantity in solution.origin.controls]
+    times, curves = solution.extremal.times, solution.extremal.curves
+    names = [name for name in curves if name != HAMILTONIAN]
     found: list[Panel] = []
-    for name, members in shared(tuple(quantities)).items():
-        lines = tuple(
-            Line(quantities[i].name, extremal.curves[quantities[i].name]) for i in members
-        )
-        shades = of_control(solution, name) if len(lines) == 1 else ()
-        label = plain(f"∂H/∂{name}" if name in controls or len(lines) > 1 else name)
-        found.append(Curve(label, extremal.times, lines, zero=True, shades=shades))
-    if HAMILTONIAN in extremal.curves:
-        line = Line(HAMILTONIAN, extremal.curves[HAMILTONIAN])
-        active, least = on_constraints(solution), _FLAT * _power(solution)
-        found.append(
-            Curve(HAMILTONIAN, extremal.times, (line,), zero=True, shades=active, least=least)
-        )
+    for name, members in shared(tuple(Quantity(n, "", -np.inf, np.inf) for n in names)).items():
+        lines = tuple(Line(names[i], curves[names[i]]) for i in members)
+        alone = of_control(solution, name.removeprefix(SWITCHING)) if len(lines) == 1 else ()
+        found.append(Curve(plain(name), times, lines, zero=True, shades=alone))
+    if HAMILTONIAN in curves:
+        line, active = Line(HAMILTONIAN, curves[HAMILTONIAN]), on_constraints(solution)
+        least = _FLAT * _power(solution)
+        found.append(Curve(HAMILTONIAN, times, (line,), zero=True, shades=active, least=least))
     return found
 
 

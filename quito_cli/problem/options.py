@@ -84,7 +84,7 @@ def idle(discretization: str | None) -> tuple[str, ...]:
 
 
 def refuse_idle(wanted: Mapping[str, Any], discretization: str | None) -> None:
-    """Refuse options that mean nothing to the discretization.
+    """Refuse options that mean nothing to the discretization, and a mesh that it has none of.
 
     Raises:
         UsageError: there is one.
@@ -100,6 +100,11 @@ def refuse_idle(wanted: Mapping[str, Any], discretization: str | None) -> None:
                 f"{name.replace('_', '-')} means nothing to {COLLOCATION}, whose control is the "
                 "polynomial through its points: leave it out, or ask for another discretization"
             )
+    if discretization == COLLOCATION and wanted.get("mesh") == "adaptive":
+        raise UsageError(
+            f"an adaptive mesh follows the control of a shooting method, and {COLLOCATION} is "
+            "none: leave the mesh out, or ask for another discretization"
+        )
 
 
 class CommonOptions(BaseModel):

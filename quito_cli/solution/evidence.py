@@ -173,14 +173,14 @@ def _ringing(model: Model, method: Method, answer: Answer) -> tuple[float, ...]:
         fractions = method.mesh.fractions[cells] + places * method.mesh.steps[cells]
         times = answer.times[0] + (answer.times[1] - answer.times[0]) * fractions
         known = Known.sample(model.known.controls, model.controls, times)
-    sizes = np.where(np.isfinite(model.control_bounds.upper), model.control_bounds.upper, 0.0)
-    sizes = np.maximum(np.abs(sizes), np.abs(u).max(axis=0, initial=0.0))
+    bounds = np.abs([model.control_bounds.lower, model.control_bounds.upper])
+    bounds = np.where(np.isfinite(bounds), bounds, 0.0).max(axis=0)
     return tuple(
         ringing_index(
             u[:, i],
             width,
             known[:, i] if np.isfinite(known[:, i]).all() else None,
-            float(sizes[i]),
+            float(bounds[i]),
         )
         for i in range(model.n_u)
     )

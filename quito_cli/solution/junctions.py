@@ -143,14 +143,11 @@ def _jumps(u: Array, t: Array, most: int) -> list[tuple[int, int]]:
     slopes = np.abs(np.diff(u) / np.diff(t))
     middle = (t[1:] + t[:-1]) / 2
     least = HEIGHT / max(most * float(np.median(np.diff(t))), SHORT)
+    usual = _usual(slopes, middle, most)
+    left = np.where(slopes > STEEP * usual, slopes, 0.0)
     spans: list[tuple[int, int]] = []
-    left = np.array(slopes)
     while left[peak := int(np.argmax(left))] > least:
-        usual = _usual(slopes, middle, peak, most)
-        if STEEP * usual > slopes[peak]:
-            left[peak] = 0.0
-            continue
-        faded = np.flatnonzero(slopes <= max(FADED * slopes[peak], 2 * usual))
+        faded = np.flatnonzero(slopes <= max(FADED * slopes[peak], 2 * usual[peak]))
         first = int(faded[faded < peak].max(initial=-1)) + 1
         last = int(faded[faded > peak].min(initial=len(slopes)))
         left[first:last] = 0.0
@@ -170,13 +167,17 @@ def _jumps(u: Array, t: Array, most: int) -> list[tuple[int, int]]:
     return [(a, b) for a, b in spans if abs(u[b] - u[a]) > HEIGHT]
 
 
-def _usual(slopes: Array, middle: Array, peak: int, most: int) -> float:
-    """Return the median slope around a peak, at times further off than a jump would take."""
-    first, last = max(peak - most // 2, 0), min(peak + most // 2, len(middle) - 1)
-    way = max(middle[last] - middle[first], SHORT) / 2
-    times = middle[peak] + way * np.concatenate([np.arange(-8, 0), np.arange(1, 9)])
-    inside = times[(times > middle[0]) & (times < middle[-1])]
-    return float(np.median(np.interp(inside, middle, slopes))) if inside.size else 0.0
+def _usual(slopes: Array, middle: Array, most: int) -> Array:
+    """Return the median slope around each place, at times further off than a jump would take."""
+    places = np.arange(len(middle))
+    first, last = np.maximum(places - most // 2, 0), np.minimum(places + most // 2, len(places) - 1)
+    way = np.maximum(middle[last] - middle[first], SHORT) / 2
+    times = middle[:, None] + way[:, None] * np.concatenate([np.arange(-8, 0), np.arange(1, 9)])
+    inside = (times > middle[0]) & (times < middle[-1])
+    around = np.where(inside, np.interp(times, middle, slopes), np.inf)
+    middle_one = np.maximum(inside.sum(axis=1) - 1, 0) // 2
+    found = np.sort(around, axis=1)[places, middle_one]
+    return np.where(inside.any(axis=1), found, 0.0)
 
 
 def _kinks(u: Array, t: Array, most: int, jumps: list[tuple[int, int]]) -> list[tuple[int, int]]:

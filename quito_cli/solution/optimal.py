@@ -16,6 +16,9 @@ Kind = Literal["lower", "upper", "interior", "singular", "active", "inactive"]
 affine in it; of a constraint: active or not."""
 Verdict = Literal["holds", "holds to discretization accuracy", "fails", "not applicable"]
 
+HAMILTONIAN, SWITCHING = "Hamiltonian", "dH/d"
+"""Names of curves: the Hamiltonian; before the label of a control, its switching function."""
+
 
 @dataclass(frozen=True)
 class Arc:
@@ -58,4 +61,4 @@ class Extremal:
     times: Array
     """(points,) at which what follows is sampled, increasing, finer where cells are small."""
     curves: Mapping[str, Array]
-    """(points,) each, by name: the Hamiltonian, the switching function of each control."""
+    """(points,) each, by `HAMILTONIAN`, and by `SWITCHING` with the label of each control."""

@@ -15,8 +15,8 @@ from quito_cli.problem.shapes import Ball, Block
 from quito_cli.solution.junctions import Junction
 from quito_cli.solution.optimal import Arc, Condition, Extremal
 from quito_cli.solution.rounds import Refinement
+from quito_cli.solution.tally import doubts
 from quito_cli.solution.trajectory import Curve
-from quito_cli.solution.verdicts import doubts
 from quito_cli.solution.violations import Violation
 from quito_cli.solvers.outcome import Status
 from quito_cli.transcription.control import Basis

@@ -4,7 +4,8 @@ Total variation is that of samples on a grid much finer than the cells. The ring
 formula for every method: the energy of the second differences of the samples, jump zones of twelve
 cells left out, relative to that of the reference where there is one, else of the control's own
 running mean over four cells; never relative to less than second differences of `FLOOR` of the
-control's span. An index up to about one is a control without ringing.
+control's span, which for a constant is `STILL` of its size: else its noise would be all there is.
+An index up to about one is a control without ringing.
 """
 
 from __future__ import annotations
@@ -23,6 +24,10 @@ STEEPER = 4.0
 """A jump is this much steeper than what is usual within sixteen cells of it."""
 FLOOR = 3e-4
 """Second differences of this fraction of the span are seen by nobody."""
+STILL = 0.1
+"""Of its size: a control that moves by less is judged as if it moved by as much."""
+NOTHING = 1e-4
+"""Of its bounds: a control is judged as if it moved by as much, where it is zero but for noise."""
 
 
 def total_variation(samples: Array) -> Array:
@@ -31,7 +36,7 @@ def total_variation(samples: Array) -> Array:
 
 
 def ringing_index(
-    samples: Array, width: int, reference: Array | None = None, size: float = 0.0
+    samples: Array, width: int, reference: Array | None = None, bound: float = 0.0
 ) -> float:
     """Return the ringing index of one control.
 
@@ -39,9 +44,10 @@ def ringing_index(
         samples: (points,) û on a uniform grid, `width` points a cell.
         width: points a cell.
         reference: (points,) the known control on the same grid.
-        size: of the control or its bounds; a span of a millionth of it is none.
+        bound: size of the larger of its finite bounds; zero where there is none.
     """
-    span = max(float(np.ptp(samples)), 1e-6 * size)
+    size = float(np.abs(samples).max())
+    span = max(float(np.ptp(samples)), STILL * size, NOTHING * bound)
     if span == 0.0:
         return 0.0
     smooth = _running_mean(samples, 4 * width) if reference is None else reference

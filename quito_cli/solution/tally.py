@@ -33,7 +33,7 @@ def verdict(certificate: Sequence[Condition]) -> str:
     """Return the whole certificate in a line."""
     count = len(applying(certificate))
     if not count:
-        return "no condition applies"
+        return f"no condition applies{f': {certificate[0].reason}' if certificate else ''}"
     failed = failing(certificate)
     if failed:
         others = f"; {len(failed)} of {count} conditions fail" if len(failed) > 1 else ""
