@@ -234,6 +234,7 @@ def test_eight_states_lay_out(solve: Solve, tmp_path: Path, panels: tuple[str, .
     draw(solution, panels, tmp_path / "eight.png")
     drawn.draw_without_rendering()
     counts = {"states": 8, "controls": 2, "costates": 8, "mesh": 1, "plan": 0}
+    counts["switching"] = 0 if solution.extremal is None else len(solution.extremal.curves)
     assert len(drawn.axes) == sum(counts[panel] for panel in panels)
     boxes = [axes.get_position() for axes in drawn.axes]
     for i, one in enumerate(boxes):

@@ -29,8 +29,8 @@ _COLOURS = {"fails": "red", "not applicable": "bright_black"}
 """Of the rows of the table, by verdict."""
 _BELOW = "      "
 """Before the reason of a verdict."""
-_NARROW_CONDITION, _NARROW_VERDICT = 24, 14
-"""Columns that a row needs at least: no word of theirs is longer."""
+_NARROW_CONDITION, _NARROW_VERDICT = 16, 14
+"""Widths of columns that their longest words need."""
 
 
 def arc_rows(

@@ -84,8 +84,8 @@ def show(
     elif certificate:
         raise UsageError(
             f"{what} is no result: --certificate takes the file of one, such as results/"
-            f"{Path(what).stem}.h5; what the conditions of a problem are says quito show {what} "
-            "--pontryagin"
+            f"{Path(what).stem}.h5; quito show {what} --pontryagin says what the conditions of a "
+            "problem are"
         )
     elif as_yaml:
         _print_file(what)
