@@ -402,8 +402,9 @@ Van der Pol oscillator with bounded control
   dH/du = 0 on singular arcs of u  6.0e-02   2.0e+00  1.2         fails
       off by 0.06
   Hamiltonian constant             1.0e-05   8.0e-01  3.1         holds to discretization accuracy
-  transversality at the end        -         -        -           not applicable
-      all ends are given
+
+  not applicable             because
+  transversality at the end  all ends are given
 
 It certifies an extremal, not a global optimum.
 quito show PROBLEM --pontryagin derives the conditions.
@@ -420,11 +421,13 @@ def test_the_table_shows_every_condition(
 @pytest.mark.parametrize("room", [70, 80, 100, 140])
 def test_the_table_fits_a_terminal(room: int, bad: quito.Solution) -> None:
     reason = "a sentence of some length that says in several words what is off, where and how far"
-    rows = (*bad.certificate, replace(FAILED, reason=reason, condition=ROWS[1].condition * 3))
+    long = ROWS[1].condition * 3
+    rows = (*bad.certificate, replace(FAILED, reason=reason, condition=long))
+    rows += (replace(ROWS[3], reason=reason, condition=long),)
     page = certificate_page(judged(bad, rows=rows), room)
-    table = re.sub(r"\x1b\[\d+m", "", page).split("\n\n")[2]
-    assert max(map(len, table.splitlines())) <= room
-    assert " ".join(reason.split()) in " ".join(table.split())
+    tables = re.sub(r"\x1b\[\d+m", "", page).split("\n\n")[2:4]
+    assert max(len(line) for table in tables for line in table.splitlines()) <= room
+    assert " ".join(reason.split()) in " ".join(tables[0].split())
 
 
 def test_rows_that_fail_are_red(bad: quito.Solution) -> None:
@@ -529,6 +532,16 @@ def test_a_constant_hamiltonian_looks_constant(plain: quito.Solution) -> None:
     low, high = by_label(solution, "switching")["Hamiltonian"].get_ylim()
     assert high - low > 100 * 2e-5
     assert low < 0.3 < high
+
+
+def test_switching_functions_share_the_horizon_with_costates(good: quito.Solution) -> None:
+    """Curves may be sampled inside cells only."""
+    assert good.extremal is not None
+    inside = (good.extremal.times > 0.2) & (good.extremal.times < 3.9)
+    curves = {name: values[inside] for name, values in good.extremal.curves.items()}
+    extremal = replace(good.extremal, times=good.extremal.times[inside], curves=curves)
+    drawn = by_label(replace(good, extremal=extremal), "costates", "switching")
+    assert {axes.get_xlim() for axes in drawn.values()} == {drawn["λ of x1"].get_xlim()}
 
 
 def test_zero_is_drawn_where_it_is_near(plain: quito.Solution) -> None:

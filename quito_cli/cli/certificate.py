@@ -12,7 +12,7 @@ import typer
 
 from quito_cli.cli.text import columns, instant, labelled, plain
 from quito_cli.solution.structure import by_quantity
-from quito_cli.solution.tally import CAVEAT, verdict
+from quito_cli.solution.tally import CAVEAT, applying, verdict
 
 if TYPE_CHECKING:
     from quito_cli.solution.optimal import Arc, Condition
@@ -25,10 +25,8 @@ _WIDTH = 90
 _WORDS = {"active": "on a constraint"}
 """Of the kinds of a control's arcs, where the kind itself is none."""
 _HEADS = ("condition", "residual", "scale", "worst at t", "verdict")
-_COLOURS = {"fails": "red", "not applicable": "bright_black"}
-"""Of the rows of the table, by verdict."""
 _BELOW = "      "
-"""Before the reason of a verdict."""
+"""Before the reason of a failure."""
 _NARROW_CONDITION, _NARROW_VERDICT = 16, 14
 """Widths of columns that their longest words need."""
 
@@ -102,7 +100,7 @@ def pontryagin_rows(solution: Solution, *, verbose: bool) -> list[tuple[str, str
 
 
 def certificate_page(solution: Solution, room: int | None) -> str:
-    """Return all arcs, and the certificate as a table with its foot.
+    """Return all arcs, the conditions that apply as a table, those that do not, and a foot.
 
     Args:
         solution: one with an extremal.
@@ -112,29 +110,51 @@ def certificate_page(solution: Solution, room: int | None) -> str:
     everything = len(solution.arcs)
     rows = [*pontryagin_rows(solution, verbose=False), *arc_rows(solution, everything, everything)]
     foot = f"{CAVEAT}\nquito show PROBLEM --pontryagin derives the conditions."
-    table = _table(solution.certificate, room)
-    return "\n\n".join(part for part in (title, labelled(rows), table, foot) if part)
+    judged = applying(solution.certificate)
+    others = [one for one in solution.certificate if one not in judged]
+    tables = _table(judged, room), _left_out(others, room)
+    return "\n\n".join(part for part in (title, labelled(rows), *tables, foot) if part)
 
 
 def _table(certificate: Sequence[Condition], room: int | None) -> str:
-    """Return a row for each condition, with the reason of its verdict below it."""
+    """Return a row for each condition that applies, with the reason of a failure below it."""
     rows = [_row(one) for one in certificate]
-    widths = _widths([_HEADS, *rows], room)
-    lines: list[Sequence[str]] = [_HEADS]
-    ends = [1]
-    for row in rows:
-        cells = [_broken(cell, width) for cell, width in zip(row, widths, strict=True)]
-        height = max(map(len, cells))
-        lines += zip(*(cell + [""] * (height - len(cell)) for cell in cells), strict=True)
-        ends.append(len(lines))
-    aligned = columns(lines, header=True).split("\n")
-    text = aligned[:1]
-    for condition, start, end in zip(certificate, ends[:-1], ends[1:], strict=True):
+    if not rows:
+        return ""
+    head, *blocks = _aligned([_HEADS, *rows], _widths([_HEADS, *rows], room))
+    text = [typer.style(line, dim=True) for line in head]
+    for condition, lines in zip(certificate, blocks, strict=True):
         reason = _broken(plain(condition.reason), room and room - len(_BELOW))
+        colour = "red" if condition.verdict == "fails" else None
         below = [_BELOW + line for line in reason if line]
-        colour = _COLOURS.get(condition.verdict)
-        text += [typer.style(line, fg=colour) for line in (*aligned[start:end], *below)]
+        text += [typer.style(line, fg=colour) for line in (*lines, *below)]
     return "\n".join(text)
+
+
+def _left_out(certificate: Sequence[Condition], room: int | None) -> str:
+    """Return the conditions that do not apply, each with the reason."""
+    rows = [("not applicable", "because")]
+    rows += [(one.condition, one.reason) for one in certificate]
+    if len(rows) == 1:
+        return ""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    if room is not None:
+        widths[0] = min(widths[0], max(_NARROW_CONDITION, 3 * room // 5))
+        widths[1] = min(widths[1], max(_NARROW_VERDICT, room - 4 - widths[0]))
+    lines = [line for block in _aligned(rows, widths) for line in block]
+    return "\n".join(typer.style(line, dim=True) for line in lines)
+
+
+def _aligned(rows: Sequence[Sequence[str]], widths: Sequence[int]) -> list[list[str]]:
+    """Return the lines of each row, its cells broken to the widths of the columns."""
+    blocks: list[list[Sequence[str]]] = []
+    for row in rows:
+        cells = [_broken(plain(cell), width) for cell, width in zip(row, widths, strict=True)]
+        height = max(map(len, cells))
+        padded = (cell + [""] * (height - len(cell)) for cell in cells)
+        blocks.append(list(zip(*padded, strict=True)))
+    lines = iter(columns([line for block in blocks for line in block]).split("\n"))
+    return [[next(lines) for _ in block] for block in blocks]
 
 
 def _row(one: Condition) -> tuple[str, ...]:

@@ -54,6 +54,8 @@ class Curve:
     """Drawn as a bar on the axis of time."""
     shades: tuple[Arc, ...] = ()
     """Drawn as shades behind the lines."""
+    horizon: tuple[float, float] | None = None
+    """Times that the plot shows at least."""
     zero: bool = False
     """Draw the line of zero where it is near."""
     least: float = 0.0
@@ -77,7 +79,8 @@ def draw_curve(axes: Axes, curve: Curve) -> None:
     for bound in sorted({b for line in curve.lines for b in (line.lower, line.upper)}):
         if low - _reach(curve, low, high) <= bound <= high + _reach(curve, low, high):
             axes.axhline(bound, color=BOUND, linewidth=0.9, linestyle=":", label="bound")
-    if curve.zero and low - _NEAR * (high - low) <= 0 <= high + _NEAR * (high - low):
+    reach = max(_NEAR * (high - low), (curve.least - (high - low)) / 2)
+    if curve.zero and low - reach <= 0 <= high + reach:
         axes.axhline(0, color=BOUND, linewidth=0.9, zorder=1)
     if curve.logarithmic:
         axes.set_yscale("log")
@@ -86,6 +89,8 @@ def draw_curve(axes: Axes, curve: Curve) -> None:
         axes.set_ylim(low - 0.5 * max(abs(low), 1.0), high + 0.5 * max(abs(high), 1.0))
     elif high - low < curve.least:
         axes.set_ylim((low + high - curve.least) / 2, (low + high + curve.least) / 2)
+    if curve.horizon is not None:
+        axes.update_datalim([(time, low) for time in curve.horizon], updatey=False)
     axes.set_ylabel(curve.label)
     axes.grid(alpha=0.25)
     axes.margins(x=0.01)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import warnings
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -96,17 +97,19 @@ def _switching(solution: Solution) -> list[Panel]:
     """Return the switching functions over the arcs of their controls, and the Hamiltonian."""
     if solution.extremal is None:
         return []
-    times, curves = solution.extremal.times, solution.extremal.curves
+    curves = solution.extremal.curves
+    horizon = float(solution.times[0]), float(solution.times[-1])
+    curve = partial(Curve, times=solution.extremal.times, horizon=horizon, zero=True)
     names = [name for name in curves if name != HAMILTONIAN]
     found: list[Panel] = []
     for name, members in shared(tuple(Quantity(n, "", -np.inf, np.inf) for n in names)).items():
         lines = tuple(Line(names[i], curves[names[i]]) for i in members)
         alone = of_control(solution, name.removeprefix(SWITCHING)) if len(lines) == 1 else ()
-        found.append(Curve(plain(name), times, lines, zero=True, shades=alone))
+        found.append(curve(plain(name), lines=lines, shades=alone))
     if HAMILTONIAN in curves:
         line, active = Line(HAMILTONIAN, curves[HAMILTONIAN]), on_constraints(solution)
         least = _FLAT * _power(solution)
-        found.append(Curve(HAMILTONIAN, times, (line,), zero=True, shades=active, least=least))
+        found.append(curve(HAMILTONIAN, lines=(line,), shades=active, least=least))
     return found
 
 
@@ -197,8 +200,8 @@ def _legend(drawn: Figure) -> None:
             continue
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             entries.setdefault(str(label), handle)
-    lines = sorted(entries, key=lambda label: label in ARC_NAMES)  # what is drawn, then arcs
-    entries = {label: entries[label] for label in lines}
+    arcs = [name for name in ARC_NAMES if name in entries]
+    entries = {name: entries[name] for name in (*(e for e in entries if e not in arcs), *arcs)}
     if len(entries) > 1:
         drawn.legend(
             handles=list(entries.values()),
