@@ -39,8 +39,8 @@ TRANSITION = 0.015
 NEAR = 0.01
 """Part of the horizon within which a jump or kink is that of a change of labels."""
 TOUCHES, LIES = 1e-3, 1e-4
-"""Parts of its range within which a constraint is at its bound: with a multiplier that says so, and
-where that is nothing, as it may be in the middle of an arc."""
+"""Parts of its range within which a constraint is at its bound: somewhere in a panel, with a
+multiplier that says so, and where that is nothing, as it may be in the middle of an arc."""
 
 LOWER, INTERIOR, UPPER = -1, 0, 1
 _KINDS: dict[int, Kind] = {LOWER: "lower", INTERIOR: "interior", UPPER: "upper"}
@@ -70,6 +70,8 @@ class Looked:
     """(points, rows) values of the rows of Pontryagin's system."""
     pressed: Flags
     """(points, rows): the multiplier is not nothing."""
+    each: int
+    """Points of a panel."""
 
     @property
     def horizon(self) -> float:
@@ -104,12 +106,27 @@ def at_bounds(system: Pontryagin, seen: Looked) -> NDArray[np.int_]:
         pressed = seen.pressed[:, i] | (row.lower == row.upper)
         for sign, side in ((-1, row.lower), (1, row.upper)):
             distance = np.abs(v - side)
-            there = (distance <= TOUCHES * size) & (pressed | (distance <= LIES * size))
+            touched = (distance <= TOUCHES * size).reshape(-1, seen.each).any(axis=1)
+            there = np.repeat(touched, seen.each) & pressed | (distance <= LIES * size)
             for run in _runs(there.astype(int)):
                 span = slice(run.first, run.last + 1)
                 if run.label and pressed[span].any():
                     found[span, i] = sign
     return found
+
+
+def marked(system: Pontryagin, seen: Looked) -> NDArray[np.int_]:
+    """Return the labels of û before transitions are merged, (points, n_u)."""
+    lower, upper = system.model.control_bounds
+    reach = AT_BOUND * np.array([_span(system, i, seen) for i in range(len(lower))])
+    at_upper = np.where(seen.u >= upper - reach, UPPER, INTERIOR)
+    return np.asarray(np.where(seen.u <= lower + reach, LOWER, at_upper))
+
+
+def _span(system: Pontryagin, i: int, seen: Looked) -> float:
+    """Return the range of a control: between its bounds, or what it moves by."""
+    low, high = (float(side[i]) for side in system.model.control_bounds)
+    return high - low if np.isfinite(high - low) and high > low else float(ranges(seen.u)[i])
 
 
 def _determined(system: Pontryagin) -> Flags:
@@ -145,12 +162,9 @@ def _pattern(value: object, by: object) -> Flags:
 def _control_arcs(
     system: Pontryagin, i: int, label: str, affine: bool, active: Flags, seen: Looked
 ) -> list[Arc]:
-    u = seen.u[:, i]
     low, high = (float(side[i]) for side in system.model.control_bounds)
-    span = high - low if np.isfinite(high - low) else float(ranges(seen.u)[i])
-    tolerance = AT_BOUND * span
-    marks = np.where(u <= low + tolerance, LOWER, np.where(u >= high - tolerance, UPPER, INTERIOR))
-    runs = _merged(marks, seen.t, _in_jumps(i, _brief(seen), seen))
+    tolerance = AT_BOUND * _span(system, i, seen)
+    runs = _merged(marked(system, seen)[:, i], seen.t, _in_jumps(i, _brief(seen), seen))
     ends = [(float(seen.t[0]), 0.0)]
     for before, after in pairwise(runs):
         ends.append(_junction(i, before, after, (low, high), tolerance, seen))

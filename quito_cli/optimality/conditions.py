@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.optimality.look import Look
+from quito_cli.optimality.look import Look, bounded_states, dilated
 from quito_cli.optimality.verdicts import PLAIN, SHARP, SOLVED, judged, not_applicable
 from quito_cli.solution.optimal import Condition
 
@@ -58,18 +58,31 @@ def _calm(look: Look) -> NDArray[np.bool_]:
     return calm
 
 
+INSIDE = 0.05
+"""Part of an impulse that a scheme's interpolation inside a cell may lead elsewhere."""
+
+
 def _struck(look: Look) -> Array:
-    """How far densities of impulses differ from one panel to the next: μ is known to that."""
-    total = look.impulses.path.sum(axis=1)
-    if not total.any() and not look.flow.bounds.any():
-        return np.zeros((1, 1))
-    h = look.panels.lengths[:, None]
-    by_x = look.rows[1][:, : total.shape[1]]
-    density = np.einsum("pr,prx->px", total, by_x) / h + look.flow.bounds / h
+    """How far costates are known where multipliers act, a unit of time; (P, n_x).
+
+    Inside a cell an impulse acts on an interpolated state. In a collocation μ is known at points,
+    and may differ as much from one to the next.
+    """
+    path, h = look.impulses.path, look.panels.lengths[:, None]
+    by_x = look.rows[1][:, : path.shape[2]]
     if not look.panels.collocated:
-        return np.abs(density) * h / (look.panels.times[-1] - look.panels.times[0])
-    change = np.abs(np.diff(density, axis=0, prepend=density[[0]]))
-    return np.maximum(change, np.roll(change, -1, axis=0))
+        inside = np.einsum("pr,prx->px", np.abs(path[:, 1:]).sum(axis=1), np.abs(by_x))
+        size = np.abs(look.panels.costates).max(axis=0)
+        size = np.where(size > 0, size, 1.0)
+        share = (inside / size).max(axis=1, initial=0.0)[:, None]
+        return np.asarray(INSIDE * share * size / h)
+    total = np.einsum("pr,prx->px", path.sum(axis=1), by_x) + look.flow.bounds
+    if not total.any():
+        return np.zeros((1, 1))
+    change = np.diff(total / h, axis=0, prepend=total[[0]] / h[0])
+    # Polynomials oscillate about the jumps of costates.
+    waves = np.diff(look.panels.costates, 2, axis=0, prepend=look.panels.costates[[0]]) / h
+    return dilated(np.abs(change) + np.abs(waves), 2)
 
 
 def interior(look: Look) -> Iterator[Condition]:
@@ -90,14 +103,15 @@ def interior(look: Look) -> Iterator[Condition]:
             look.flow.t,
             PLAIN,
             lambda i=i, bends=bends: np.abs(bends) * look.spans[i] * look.bends[:, i]
-            + _accumulated(look, i),
+            + _accumulated(look, i)
+            + look.uneven[:, i],
             f"dH/d{look.names[i]}",
         )
 
 
 def _accumulated(look: Look, i: int) -> float:
     """What the errors of the whole horizon do to H_u."""
-    return look.drift * float(look.sizes[2][:, i].max())
+    return look.drift * float(look.switching_sizes[i])
 
 
 def singular_arcs(look: Look) -> Iterator[Condition]:
@@ -111,10 +125,10 @@ def singular_arcs(look: Look) -> Iterator[Condition]:
         yield judged(
             name,
             np.where(inside, look.gradient[:, i], 0.0),
-            float(look.sizes[2][:, i].max()),
+            float(look.switching_sizes[i]),
             look.flow.t,
             SHARP,
-            lambda i=i: _accumulated(look, i),
+            lambda i=i: _accumulated(look, i) + look.uneven[:, i],
             f"dH/d{look.names[i]}",
         )
 
@@ -133,7 +147,7 @@ def signs(look: Look) -> Iterator[Condition]:
         yield judged(
             name,
             np.where(at_bound, look.gradient[:, i], 0.0),
-            float(look.sizes[2][:, i].max()),
+            float(look.switching_sizes[i]),
             look.flow.t,
             SHARP,
             lambda i=i: _accumulated(look, i),
@@ -161,7 +175,7 @@ def switching(look: Look) -> Iterator[Condition]:
         yield judged(
             name,
             value,
-            float(look.sizes[2][:, i].max()),
+            float(look.switching_sizes[i]),
             times,
             SHARP,
             lambda i=i, s=steep, d=doubt, h=length: s * (d + h) / 5 + _accumulated(look, i),
@@ -196,7 +210,7 @@ def hamiltonian(look: Look) -> Iterator[Condition]:
         float(look.sizes[0].max()),
         t,
         PLAIN,
-        lambda: np.full(len(t), look.drift * float(look.sizes[0].max())) + _blurred(look),
+        lambda: look.drift * float(look.sizes[0].max()) + blurred(look) + unfollowed(look),
         "H",
     )
 
@@ -217,11 +231,27 @@ def _row_rates(look: Look) -> Array:
     return np.asarray((path / look.panels.lengths[:, None] * by_t.T).sum(axis=1))
 
 
-def _blurred(look: Look) -> Array:
-    """H' from û' where H_u is not zero: what blurred junctions add up to at most, (P,)."""
-    moves = np.abs(np.diff(look.flow.u, axis=0, prepend=look.flow.u[[0]]))
-    share = np.where(look.clear, 0.0, np.abs(look.point.gradient) * moves)
-    return np.full(len(moves), float(share.sum()))
+def blurred(look: Look) -> float:
+    """What H' adds up to, at most, from û' where H_u is not zero, and from impulses.
+
+    An impulse m of a constraint c changes H by m c': nothing on an arc, but a touch at a node is not
+    where the constraint is tangent.
+    """
+    f = look.flow
+    moves = np.abs(np.diff(f.u, axis=0, prepend=f.u[[0]]))
+    blur = np.where(look.clear, 0.0, np.abs(look.point.gradient) * moves).sum()
+    path = np.abs(look.impulses.path.sum(axis=1))
+    bounds = np.abs(f.bounds[:, bounded_states(look.system)])
+    struck = np.hstack([path, bounds])
+    if not struck.any() or len(f.t) < 2:
+        return float(blur)
+    rates = np.abs(np.gradient(look.rows[0], f.t, axis=0))
+    return float(blur + (struck * rates).sum())
+
+
+def unfollowed(look: Look) -> Array:
+    """What û is off by where its functions cannot follow it, in H; (P,)."""
+    return np.asarray((look.sizes[2] * look.bends * look.spans).sum(axis=1))
 
 
 def legendre_clebsch(look: Look) -> Iterator[Condition]:

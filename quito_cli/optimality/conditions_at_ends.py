@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from quito_cli.optimality.conditions import blurred, unfollowed
 from quito_cli.optimality.look import Look
 from quito_cli.optimality.transversality import Freedom, Transversality, transversality
 from quito_cli.optimality.verdicts import PLAIN, judged, not_applicable
@@ -99,14 +100,14 @@ def _end(
         size,
         times,
         PLAIN,
-        lambda: (look.drift + _last_bend(look, where)) * size[None, :],
+        lambda: look.drift * size[None, :] + _of_time(look, where),
         f"the condition of {worst}",
     )
 
 
-def _last_bend(look: Look, where: str) -> float:
-    """How far û at an end may be from what H is to be taken with: H follows."""
-    return float(look.bends[[0, -1]].max(initial=0.0)) if "time" in where else 0.0
+def _of_time(look: Look, where: str) -> float:
+    """What a blurred control does to H at an end; in the answer it is H's mean that is right."""
+    return blurred(look) + float(unfollowed(look)[[0, -1]].max()) if "time" in where else 0.0
 
 
 def path_multipliers(look: Look) -> Iterator[Condition]:
@@ -121,14 +122,14 @@ def path_multipliers(look: Look) -> Iterator[Condition]:
             yield not_applicable(name, "an equality holds everywhere")
             continue
         times = look.solution.multiplier_axes[f"path constraint {constraint.name}"].times
-        total = np.abs(values).sum(axis=0)
-        if not total.any():
+        if not look.seen.pressed[:, own].any():
             yield not_applicable(name, "it is never active")
             continue
         x, u = look.solution.state(times), look.solution.control(times)
         rows = look.carrier.rows_at(times, x, u, look.solution.parameters)[0][:, own]
         wrong = _wrong(values, rows, constraint.bounds)
         density = np.abs(values).max(axis=0)
+        density = np.where(look.seen.pressed[:, own].any(axis=0), density, np.inf)
         yield judged(name, wrong, density, times, PLAIN, lambda: 0.0, "the multiplier")
     yield from _state_bounds(look)
 
@@ -207,7 +208,10 @@ def feasibility(look: Look) -> Iterator[Condition]:
     t = np.empty(len(u))
     t[::2], t[1::2] = given.times, f.t
     every = violations(look.system.model, Dense(t, x, u, p), f.integrals)
-    nodes = violations(look.system.model, Dense(t[::2], x[::2], u[::2], p), f.integrals)
+    given_at = slice(None, -1 if given.collocated else None, 2)  # no point at the end has a control
+    nodes = violations(
+        look.system.model, Dense(t[given_at], x[given_at], u[given_at], p), f.integrals
+    )
     own = {v.constraint: v.relative for v in nodes}
     if not every:
         yield not_applicable("feasibility", "nothing is asked for")

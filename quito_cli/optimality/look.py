@@ -1,7 +1,7 @@
 """An answer looked at through Pontryagin's system: all that its conditions are judged by.
 
 Conditions hold along arcs. Around a junction û is the answer's blur of a jump or kink, so that as
-many cells as a jump takes are left out on either side. What is small is so beside the terms that it
+many cells as a jump takes are left out on either side, and where û bends too much for its cells. What is small is so beside the terms that it
 is made of: H_u beside |L_u| + Σ|λ_j f_j,u|, and likewise H_x and H.
 """
 
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.optimality.arcs import Looked, arcs, at_bounds
+from quito_cli.optimality.arcs import Looked, arcs, at_bounds, marked
 from quito_cli.optimality.controls import Controls, controls
 from quito_cli.optimality.flow import Carrier, Flow, Impulses, Panels, explained, flow, panels
 from quito_cli.optimality.hamiltonian import Point, Pontryagin, sampled
@@ -37,6 +37,10 @@ ORDERS = {"euler": 1, "trapezoidal": 2}
 """Schemes whose errors are those of a method of lower order than Kutta's."""
 PRESSES = 1e-3
 """What a multiplier does to λ' or H_u, beside the size of their terms, that is not nothing."""
+STEEP = 0.02
+"""Second differences of û over its range, above which the cells do not show what it does."""
+SLIGHT = 0.01
+"""Part of what a costate could move by over the horizon that counts as its size."""
 _GRID = 4
 """Points a panel that labels are given on."""
 
@@ -99,6 +103,38 @@ class Look:
         return found[:, 0], found[:, 1 : 1 + m.n_x], found[:, 1 + m.n_x :]
 
     @cached_property
+    def switching_sizes(self) -> Array:
+        """Sizes of the terms of H_u over the horizon, (n_u,).
+
+        A costate that is zero on an arc as long as the horizon has the size that it moves to.
+        """
+        found = self.sizes[2].max(axis=0, initial=0.0)
+        horizon = self.panels.times[-1] - self.panels.times[0]
+        moved = np.tile(SLIGHT * horizon * self.costate_rates, (len(self.flow.t), 1))
+        return np.maximum(found, self._pulled(moved).max(axis=0, initial=0.0))
+
+    def _pulled(self, moved: Array) -> Array:
+        """Return what changes of costates (P, n_x) do to H_u at most, (P, n_u)."""
+        f, p, nu = self.flow, self.solution.parameters, self.impulses.integral
+        with_, without = (
+            sampled(_sizes(self.system), (f.t, f.x, costate, f.u, p, None, nu))[0]
+            for costate in (moved, np.zeros_like(moved))
+        )
+        return np.asarray((with_ - without)[:, 1 + self.system.model.n_x :])
+
+    @cached_property
+    def uneven(self) -> Array:
+        """What impulses that differ from one panel to the next do to H_u, (P, n_u)."""
+        path = self.impulses.path.sum(axis=1)
+        total = self.flow.bounds.copy()
+        if path.any():
+            total += np.einsum("pr,prx->px", path, self.rows[1][:, : path.shape[1]])
+        if not total.any():
+            return np.zeros((len(total), len(self.names)))
+        change = np.abs(np.diff(total, axis=0, prepend=total[[0]]))
+        return self._pulled(dilated(change, 1))
+
+    @cached_property
     def spans(self) -> Array:
         """Ranges of the controls: between their bounds, or what they move by; (n_u,)."""
         lower, upper = self.system.model.control_bounds
@@ -118,7 +154,7 @@ class Look:
             x, p = solution.state(t), solution.parameters
             values = self.carrier.rows_at(t, x, u, p)[0]
             pressed = np.repeat(_pressed(self), _GRID + 1, axis=0)
-        return Looked(solution, t, u, values, pressed)
+        return Looked(solution, t, u, values, pressed, _GRID + 1)
 
     @cached_property
     def arcs(self) -> tuple[Arc, ...]:
@@ -160,7 +196,14 @@ class Look:
                     found[self.near(arc.end, arc.end_uncertainty), self.names.index(name)] = False
         for j in self.solution.junctions:
             found[self.near(j.time, j.uncertainty), j.control] = False
-        return found
+        return found & ~self.unresolved & (self.bends <= STEEP)
+
+    @cached_property
+    def unresolved(self) -> Flags:
+        """Middles in and beside what is too short for these cells to be an arc, (P, n_u)."""
+        marks = marked(self.system, self.seen).reshape(len(self.flow.t), _GRID + 1, -1)
+        off = (marks[:, _GRID // 2] != self.labels).astype(float)
+        return dilated(off, width(self.solution.basis)) > 0
 
     def near(self, time: float, uncertainty: float) -> Flags:
         """Return middles so near to a time that a jump there would blur û, (P,)."""
@@ -181,12 +224,33 @@ class Look:
         order = ORDERS.get(options["discretization"], 4)
         steps = 1 if given.collocated else int(options["substeps"])
         args = (self.carrier, self.solution, given, self.impulses, order, steps)
-        by_x, by_costate = (e / given.lengths[:, None] for e in explained(*args))
+        by_x, by_costate = (
+            dilated(e / given.lengths[:, None], 2) for e in explained(*args)
+        )
+        if order < 4:  # costates are those of the adjoint scheme, whose errors are others
+            by_costate = by_costate + dilated(self._adjoint_moves(order), 2)
         if given.collocated:  # polynomials meet the equations at points only
             wrong = self.bends.max(axis=1, initial=0.0)[:, None]
-            by_x = by_x + wrong * self.state_rates
+            by_x = by_x + _last_terms(given, given.states) + wrong * self.state_rates
+            by_costate = by_costate + _last_terms(given, given.costates)
             by_costate = by_costate + wrong * self.costate_rates
         return by_x, by_costate
+
+    def _adjoint_moves(self, order: int) -> Array:
+        """How much λ' changes over a panel with x alone and with λ alone, (P, n_x).
+
+        Of order 2, how much that change does.
+        """
+        f, p, nu = self.flow, self.solution.parameters, self.impulses.integral
+        here = self.point.adjoint[:-1]
+        moves = [
+            self.system.along(f.t[:-1], x, costate, f.u[:-1], p, nu=nu).adjoint - here
+            for x, costate in ((f.x[1:], f.costate[:-1]), (f.x[:-1], f.costate[1:]))
+        ]
+        for _ in range(order - 1):
+            moves = [np.diff(move, axis=0, prepend=move[[0]]) for move in moves]
+        total = np.abs(np.array(moves)).sum(axis=0)
+        return np.vstack([total, total[[-1]]])
 
     @cached_property
     def bends(self) -> Array:
@@ -275,6 +339,23 @@ def dilated(values: Array, most: int) -> Array:
     return np.asarray(windows.max(axis=-1))
 
 
+def _last_terms(given: Panels, values: Array) -> Array:
+    """Return the slopes of the last terms of the polynomials of cells, at most, (P, n).
+
+    The leading coefficient is a divided difference; a monic polynomial of degree D is at least
+    2 · 4^(−D) somewhere on the unit interval (Chebyshev), and its slope 2D² times that (Markov).
+    """
+    each = int((given.cells == 0).sum())
+    at = np.append(given.begins[:each], 1.0)
+    apart = at[:, None] - at + np.eye(len(at))
+    # Products of distances on [0, 4] do not underflow: the capacity of that interval is one.
+    weights = 2.0 / np.prod(4 * apart, axis=1) * 4.0
+    cells = (np.arange(0, len(values) - 1, each)[:, None] + np.arange(each + 1)).ravel()
+    top = np.abs(np.einsum("d,kdx->kx", weights, values[cells].reshape(-1, each + 1, values.shape[1])))
+    lengths = given.lengths.reshape(-1, each).sum(axis=1)[:, None]
+    return np.repeat(2 * each**2 * top / lengths, each, axis=0)
+
+
 def _positive(values: Array) -> Array:
     return np.where(values > 0, values, 1.0)
 
@@ -289,11 +370,11 @@ def _pressed(look: Look) -> Flags:
     sizes = _positive(look.sizes[2].max(axis=0, initial=0.0))
     effect[0] = np.maximum(effect[0], (density[:, :, None] * by_u / sizes).max(axis=2, initial=0))
     bounds = np.abs(look.flow.bounds) / h / _positive(look.costate_rates)
-    effect.append(bounds[:, _bounded(look.system)])
+    effect.append(bounds[:, bounded_states(look.system)])
     return dilated((np.hstack(effect) > PRESSES).astype(float), 1) > 0
 
 
-def _bounded(system: Pontryagin) -> Flags:
+def bounded_states(system: Pontryagin) -> Flags:
     """Return which states have bounds: the rows of states are in this order."""
     lower, upper = system.model.state_bounds
     return np.asarray(np.isfinite(lower) | np.isfinite(upper))
