@@ -177,8 +177,8 @@ def solve(
     task = Task(problem, model, chosen, chosen.tolerance, chosen.max_iterations, listener)
     built, warm = time.perf_counter() - started, earlier if chosen.warm_start else None
     if chosen.mesh == "uniform":
-        return task.on(mesh, warm, built)
-    return refine(
+        return _certified(model, task.on(mesh, warm, built))
+    refined = refine(
         model,
         lambda mesh, substeps, last: (
             task.on(mesh, warm, built) if last is None else task.again(mesh, substeps, last)
@@ -188,6 +188,14 @@ def solve(
         method_on(chosen, mesh).order,
         Limits(chosen.mesh_tolerance, chosen.mesh_iterations, chosen.most_cells, points),
     )
+    return _certified(model, refined)
+
+
+def _certified(model: Model, solution: Solution) -> Solution:
+    """Return an answer with what Pontryagin's conditions say of it."""
+    from quito_cli.optimality.certificate import certify
+
+    return replace(solution, extremal=certify(model, solution))
 
 
 def _refuse_warm_start(options: Options, earlier: Solution | None, problem: Problem) -> None:

@@ -77,10 +77,8 @@ def _struck(look: Look) -> Array:
         share = (inside / size).max(axis=1, initial=0.0)[:, None]
         return np.asarray(INSIDE * share * size / h)
     total = np.einsum("pr,prx->px", path.sum(axis=1), by_x) + look.flow.bounds
-    if not total.any():
-        return np.zeros((1, 1))
     change = np.diff(total / h, axis=0, prepend=total[[0]] / h[0])
-    # Polynomials oscillate about the jumps of costates.
+    # Polynomials oscillate about what is not smooth.
     waves = np.diff(look.panels.costates, 2, axis=0, prepend=look.panels.costates[[0]]) / h
     return dilated(np.abs(change) + np.abs(waves), 2)
 
@@ -102,7 +100,7 @@ def interior(look: Look) -> Iterator[Condition]:
             scale,
             look.flow.t,
             PLAIN,
-            lambda i=i, bends=bends: np.abs(bends) * look.spans[i] * look.bends[:, i]
+            lambda i=i, bends=bends: np.abs(bends) * look.spans[i] * look.unfollowed[:, i]
             + _accumulated(look, i)
             + look.uneven[:, i],
             f"dH/d{look.names[i]}",
@@ -251,7 +249,7 @@ def blurred(look: Look) -> float:
 
 def unfollowed(look: Look) -> Array:
     """What û is off by where its functions cannot follow it, in H; (P,)."""
-    return np.asarray((look.sizes[2] * look.bends * look.spans).sum(axis=1))
+    return np.asarray((look.sizes[2] * look.unfollowed * look.spans).sum(axis=1))
 
 
 def legendre_clebsch(look: Look) -> Iterator[Condition]:
@@ -305,7 +303,7 @@ def generalised_clebsch(look: Look) -> Iterator[Condition]:
             look.spans[i],
             f.t,
             5 * PLAIN,
-            lambda i=i: look.spans[i] * (look.bends[:, i] + look.drift),
+            lambda i=i: look.spans[i] * (look.unfollowed[:, i] + look.drift),
             f"{label} times its coefficient",
         )
 

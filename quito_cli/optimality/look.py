@@ -24,6 +24,7 @@ from quito_cli.optimality.probes import Probe
 from quito_cli.problem.model import labels
 from quito_cli.solution.junctions import ranges, width
 from quito_cli.solution.optimal import Arc
+from quito_cli.transcription.control import ControlBasis
 
 if TYPE_CHECKING:
     import casadi as ca
@@ -230,7 +231,7 @@ class Look:
         if order < 4:  # costates are those of the adjoint scheme, whose errors are others
             by_costate = by_costate + dilated(self._adjoint_moves(order), 2)
         if given.collocated:  # polynomials meet the equations at points only
-            wrong = self.bends.max(axis=1, initial=0.0)[:, None]
+            wrong = self.unfollowed.max(axis=1, initial=0.0)[:, None]
             by_x = by_x + _last_terms(given, given.states) + wrong * self.state_rates
             by_costate = by_costate + _last_terms(given, given.costates)
             by_costate = by_costate + wrong * self.costate_rates
@@ -255,11 +256,31 @@ class Look:
     @cached_property
     def bends(self) -> Array:
         """Second differences of û over its range, the largest of the neighbourhood; (P, n_u)."""
+        return dilated(self._differences(2), width(self.solution.basis))
+
+    @cached_property
+    def unfollowed(self) -> Array:
+        """What û may be off by, over its range, because its functions cannot do better; (P, n_u).
+
+        They follow whatever is a cubic over a few cells; fourth differences see the rest. Those of
+        a wave of two cells are 16 times its amplitude. Polynomials are off by what they do between
+        their points.
+        """
+        found = self._differences(4) / 16
+        if self.panels.collocated:
+            u = self.panels.controls(self.solution, np.array([0.0, 0.5, 1.0])) / self.spans
+            found = np.maximum(found, np.abs(u[:, 1] - (u[:, 0] + u[:, 2]) / 2))
+        elif isinstance(basis := self.solution.basis, ControlBasis) and not basis.function.scaled:
+            found = np.maximum(found, self._differences(2) / 8)
+        return dilated(found, width(self.solution.basis))
+
+    def _differences(self, order: int) -> Array:
+        """Differences of û over its range from panel to panel, of even order, (P, n_u)."""
         u = self.flow.u / self.spans
-        change = np.abs(np.diff(u, 2, axis=0, prepend=u[[0]], append=u[[-1]]))
-        ends = self.panels.controls(self.solution, np.array([0.0, 1.0])) / self.spans
-        change = np.maximum(change, np.abs(u - ends.mean(axis=1)))
-        return dilated(change, width(self.solution.basis))
+        if len(u) <= order:
+            return np.ones_like(u)
+        change = np.abs(np.diff(u, order, axis=0))
+        return np.pad(change, ((order // 2, order // 2), (0, 0)), mode="edge")
 
     @cached_property
     def state_rates(self) -> Array:
