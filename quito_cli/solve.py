@@ -196,14 +196,22 @@ def solve(
     task = Task(problem, model, chosen, chosen.tolerance, chosen.max_iterations, listener)
     built, warm = time.perf_counter() - started, earlier if chosen.warm_start else None
     if chosen.mesh == "uniform":
-        return task.on(mesh, warm, built)
+        return _certified(model, task.on(mesh, warm, built))
     order = method_on(chosen, mesh).order
     limits = Limits(
         chosen.mesh_tolerance, chosen.mesh_iterations, chosen.most_cells, np.unique(points)
     )
     with interruptible() as interruption:
         solve_on = solver_of(task, warm, built, interruption)
-        return refine(model, solve_on, mesh, chosen.substeps, order, limits)
+        refined = refine(model, solve_on, mesh, chosen.substeps, order, limits)
+        return _certified(model, refined)
+
+
+def _certified(model: Model, solution: Solution) -> Solution:
+    """Return an answer with what Pontryagin's conditions say of it."""
+    from quito_cli.optimality.certificate import certify
+
+    return replace(solution, extremal=certify(model, solution))
 
 
 def _refuse_warm_start(options: Options, earlier: Solution | None, problem: Problem) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+from quito_cli.solution.junctions import Junction
 
 Array = NDArray[np.float64]
 
@@ -62,3 +64,23 @@ class Extremal:
     """(points,) at which what follows is sampled, increasing, finer where cells are small."""
     curves: Mapping[str, Array]
     """(points,) each, by `HAMILTONIAN`, and by `SWITCHING` with the label of each control."""
+
+
+def all_switches(arcs: Sequence[Arc], junctions: Sequence[Junction]) -> tuple[float, ...]:
+    """Return the times at which any control or constraint changes, each once, in order.
+
+    Ends of arcs come first, the surest of those that may be one; a jump or kink that none of them
+    is, stands for itself.
+    """
+    last = max((arc.end for arc in arcs), default=np.inf)
+    ends = [(arc.end, arc.end_uncertainty) for arc in arcs if arc.end < last]
+    found: list[tuple[float, float]] = []
+    for time, doubt in sorted(ends, key=lambda end: end[1]):
+        if all(abs(time - other) > doubt + own for other, own in found):
+            found.append((time, doubt))
+    known = list(found)
+    for j in junctions:
+        if all(abs(j.time - time) > j.uncertainty + doubt for time, doubt in known):
+            found.append((j.time, j.uncertainty))
+            known.append((j.time, j.uncertainty))
+    return tuple(sorted(time for time, _ in found))

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from quito_cli.problem.shapes import Ball, Block
 from quito_cli.solution.junctions import Junction
-from quito_cli.solution.optimal import Arc, Condition, Extremal
+from quito_cli.solution.optimal import Arc, Condition, Extremal, all_switches
 from quito_cli.solution.rounds import Refinement
 from quito_cli.solution.tally import doubts
 from quito_cli.solution.trajectory import Curve
@@ -185,7 +185,7 @@ class Solution:
     refinement: Refinement | None = None
     """How the mesh was found; None of a uniform one."""
     extremal: Extremal | None = None
-    """Arcs and certificate; None where there was no answer to look at, or in older files."""
+    """What Pontryagin's conditions say of it; None where they were not looked at."""
 
     def __post_init__(self) -> None:
         curves = [vars(curve).values() for curve in (self.trajectory, self.adjoint) if curve]
@@ -206,24 +206,18 @@ class Solution:
 
     @property
     def switching_times(self) -> tuple[float, ...]:
-        """Times of all jumps and kinks, each once."""
-        found: list[float] = []
-        ends: list[float] = []
-        for junction in self.junctions:
-            if not found or junction.time - junction.uncertainty > ends[-1]:
-                found.append(junction.time)
-                ends.append(junction.time + junction.uncertainty)
-        return tuple(found)
+        """Times at which a control or a constraint changes, each once, without the ends."""
+        return all_switches(self.arcs, self.junctions)
 
     @property
     def arcs(self) -> tuple[Arc, ...]:
-        """Stretches of time by control and constraint; none where there is no certificate."""
-        return self.extremal.arcs if self.extremal is not None else ()
+        """The structure of every control, then of every constraint; empty where it is not known."""
+        return () if self.extremal is None else self.extremal.arcs
 
     @property
     def certificate(self) -> tuple[Condition, ...]:
-        """Pontryagin's conditions, one by one; none where they were not looked at."""
-        return self.extremal.certificate if self.extremal is not None else ()
+        """Pontryagin's conditions, one a row; empty where they were not looked at."""
+        return () if self.extremal is None else self.extremal.certificate
 
     @property
     def warnings(self) -> tuple[str, ...]:

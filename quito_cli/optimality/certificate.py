@@ -1,0 +1,52 @@
+"""An answer judged by Pontryagin's conditions, whatever made it.
+
+Nothing of the nonlinear program's own residuals is used: states and costates are integrated anew
+(`flow`), structure is read off û (`arcs`), the conditions (`conditions`, `conditions_at_ends`) are
+those of the Model. It certifies an extremal, not that no other one is better.
+"""
+
+from __future__ import annotations
+
+from itertools import chain
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from quito_cli.optimality.conditions import ALONG
+from quito_cli.optimality.conditions_at_ends import AT_ENDS
+from quito_cli.optimality.hamiltonian import pontryagin
+from quito_cli.optimality.look import Look
+from quito_cli.optimality.probes import TooLargeError
+from quito_cli.optimality.verdicts import not_applicable
+from quito_cli.problem.model import Model
+from quito_cli.solution.optimal import Extremal
+
+if TYPE_CHECKING:
+    from quito_cli.solution.solution import Solution
+
+ALL = "Pontryagin's conditions"
+"""The one row where none can be looked at."""
+
+
+def certify(model: Model, solution: Solution) -> Extremal:
+    """Return arcs, certificate and curves of an answer to the problem of `model`."""
+    if not solution.success:
+        return _nothing(f"the answer is none: {solution.status.value}")
+    if not np.isfinite(solution.costates).all():
+        return _nothing("there are no costates")
+    system = pontryagin(model)
+    try:
+        look = Look.at(system, solution)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            arcs = look.arcs
+            rows = tuple(chain.from_iterable(test(look) for test in (*ALONG, *AT_ENDS)))
+    except TooLargeError:
+        return _nothing("the Hamiltonian is too long to be worked on")
+    curves = {"Hamiltonian": look.point.hamiltonian}
+    for i, label in enumerate(look.names):
+        curves[f"dH/d{label}"] = look.point.gradient[:, i]
+    return Extremal(arcs, rows, look.flow.t, curves)
+
+
+def _nothing(reason: str) -> Extremal:
+    return Extremal((), (not_applicable(ALL, reason),), np.zeros(0), {})

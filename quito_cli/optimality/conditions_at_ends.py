@@ -1,0 +1,227 @@
+"""Pontryagin's conditions at the ends, and of multipliers; feasibility."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quito_cli.optimality.conditions import blurred, unfollowed
+from quito_cli.optimality.look import Look
+from quito_cli.optimality.transversality import Freedom, Transversality, transversality
+from quito_cli.optimality.verdicts import PLAIN, judged, not_applicable
+from quito_cli.problem.model import Bounds, labels
+from quito_cli.solution.optimal import Condition
+
+Array = NDArray[np.float64]
+Test = Callable[[Look], Iterator[Condition]]
+AT_END = 1e-4
+"""Part of its size within which an end value is at its bound."""
+
+
+def transversal(look: Look) -> Iterator[Condition]:
+    """λ, H and parameters at the ends, where they are not fixed."""
+    m, p = look.system.model, look.solution.parameters
+    ends = transversality(look.system)
+    given, f = look.panels, look.flow
+    start, last = given.costates[0], _last_costate(look)
+    x, t = given.states, given.times
+    h = look.point.hamiltonian
+    found = ends.residuals(
+        x[0], t[0], x[-1], t[-1], p, start, last, h[0], h[-1], f.by_parameters, look.impulses.boundary
+    )
+    of_x0, of_xf, of_t0, of_tf, of_p = (np.array(v).ravel() for v in found)
+    size = np.abs(given.costates).max(axis=0)
+    size = np.where(size > 1e-6 * size.max(), size, size.max())
+    names = labels(m.states)
+    yield from _end("initial", ends.initial, of_x0, x[0], m.initial, size, names, look, 0)
+    yield from _end("final", ends.final, of_xf, x[-1], m.final, size, names, look, -1)
+    whole = np.array([float(look.sizes[0].max())])
+    for name, freedom, value, instant, k in (
+        ("initial time", ends.initial_time, of_t0, m.initial_time, 0),
+        ("final time", ends.final_time, of_tf, m.final_time, -1),
+    ):
+        bounds = Bounds(np.array([instant.lower]), np.array([instant.upper]))
+        yield from _end(name, (freedom,), value, t[[k]], bounds, whole, (name,), look, k)
+    if m.n_p:
+        size_p = np.maximum(np.abs(of_p - f.by_parameters), np.abs(f.by_parameters))
+        size_p = np.maximum(size_p, _parameter_sizes(look))
+        freedoms = ends.parameters
+        yield from _end("parameter", freedoms, of_p, p, m.parameter_bounds, size_p,
+                        labels(m.parameters), look, 0)  # fmt: skip
+
+
+def _last_costate(look: Look) -> Array:
+    """λ(t_f) after the impulses of path and point constraints there."""
+    given, last = look.panels, look.panels.costates[-1].copy()
+    x, t = given.states[[-1]], given.times[[-1]]
+    u = given.controls(look.solution, np.array([1.0]))[-1]
+    if look.impulses.last.any():
+        by_x = look.carrier.rows_at(t, x, u, look.solution.parameters)[1]
+        last -= look.impulses.last @ by_x[0, : len(look.impulses.last)]
+    return last
+
+
+def _parameter_sizes(look: Look) -> Array:
+    """∫ |H_p| dt, (n_p,)."""
+    rates = np.abs(look.point.parameters)
+    return np.asarray((rates * look.panels.lengths[:, None]).sum(axis=0))
+
+
+def _end(
+    where: str,
+    freedoms: Sequence[Freedom],
+    residuals: Array,
+    values: Array,
+    bounds: Bounds,
+    size: Array,
+    names: Sequence[str],
+    look: Look,
+    k: int,
+) -> Iterator[Condition]:
+    """Judge one end: free values have residual 0, those at a bound the sign that it asks for."""
+    name = f"transversality: {where}"
+    free = np.array([freedom != "fixed" for freedom in freedoms], dtype=bool)
+    if not free.any():
+        yield not_applicable(name, "fixed by the problem")
+        return
+    reach = AT_END * np.maximum(np.abs(values), 1.0)
+    upper, lower = bounds.upper - values <= reach, values - bounds.lower <= reach
+    off = np.where(upper & (residuals < 0), 0.0, residuals)
+    off = np.where(lower & (off > 0), 0.0, off)
+    off = np.where(free, off, 0.0)
+    worst = names[int(np.argmax(np.abs(off) / np.where(size > 0, size, 1.0)))]
+    time = look.panels.times[[k]]
+    times = time if where != "parameter" else np.array([np.nan])
+    yield judged(
+        name,
+        off[None, :],
+        size,
+        times,
+        PLAIN,
+        lambda: look.drift * size[None, :] + _of_time(look, where),
+        f"the condition of {worst}",
+    )
+
+
+def _of_time(look: Look, where: str) -> float:
+    """What a blurred control does to H at an end; in the answer it is H's mean that is right."""
+    return blurred(look) + float(unfollowed(look)[[0, -1]].max()) if "time" in where else 0.0
+
+
+def path_multipliers(look: Look) -> Iterator[Condition]:
+    """Multipliers press against active bounds, and are zero elsewhere."""
+    at = 0
+    for constraint in look.system.model.constraints.path:
+        own = slice(at, at + len(constraint.labels))
+        at = own.stop
+        name = f"multipliers of {constraint.name}: sign and complementarity"
+        values = look.solution.multipliers.get(f"path constraint {constraint.name}")
+        if values is None or constraint.bounds.fixed.all():
+            yield not_applicable(name, "an equality holds everywhere")
+            continue
+        times = look.solution.multiplier_axes[f"path constraint {constraint.name}"].times
+        if not look.seen.pressed[:, own].any():
+            yield not_applicable(name, "it is never active")
+            continue
+        x, u = look.solution.state(times), look.solution.control(times)
+        rows = look.carrier.rows_at(times, x, u, look.solution.parameters)[0][:, own]
+        wrong = _wrong(values, rows, constraint.bounds)
+        density = np.abs(values).max(axis=0)
+        density = np.where(look.seen.pressed[:, own].any(axis=0), density, np.inf)
+        yield judged(name, wrong, density, times, PLAIN, lambda: 0.0, "the multiplier")
+    yield from _state_bounds(look)
+
+
+def _wrong(multipliers: Array, values: Array, bounds: Bounds) -> Array:
+    """Return what of multipliers has the wrong sign, or is away from its bound by its size."""
+    lower, upper = bounds
+    size = np.maximum(np.ptp(values, axis=0), 1e-3 * np.abs(values).max(axis=0))
+    size = np.where(size > 0, size, 1.0)
+    with np.errstate(invalid="ignore"):
+        distance = np.where(multipliers > 0, upper - values, values - lower)
+    away = np.where(np.isfinite(distance), np.minimum(np.abs(distance) / size, 1.0), 1.0)
+    return np.asarray(np.where(lower == upper, 0.0, np.abs(multipliers) * away))
+
+
+def _state_bounds(look: Look) -> Iterator[Condition]:
+    """What bounds of states do to costates pushes them the way that a bound can."""
+    lower, upper = look.system.model.state_bounds
+    if not (np.isfinite(lower) | np.isfinite(upper)).any():
+        return
+    name = "multipliers of bounds on states: sign"
+    found = look.flow.bounds
+    if not any(a.kind == "active" and a.of in labels(look.system.model.states) for a in look.arcs):
+        yield not_applicable(name, "no state is at a bound")
+        return
+    x = look.panels.states[:-1]
+    at_lower = x - lower <= upper - x
+    wrong = np.where(at_lower, np.maximum(found, 0.0), np.minimum(found, 0.0))
+    size = np.maximum(np.abs(found).max(axis=0), 1e-3 * np.abs(look.panels.costates).max(axis=0))
+    h = look.panels.lengths[:, None]
+    yield judged(
+        name, wrong, size, look.panels.times[:-1], PLAIN,
+        lambda: look.local_errors[1] * h + _noise(look), "the multiplier",
+    )  # fmt: skip
+
+
+def _noise(look: Look) -> Array:
+    """Collocated costates oscillate about their jumps."""
+    given = look.panels
+    if not given.collocated:
+        return np.zeros((1, 1))
+    change = np.abs(np.diff(given.costates, 2, axis=0, prepend=given.costates[[0]]))
+    return np.asarray(change)
+
+
+def other_multipliers(look: Look) -> Iterator[Condition]:
+    """Of boundary, integral and point constraints: sign, and zero between bounds."""
+    m = look.system.model
+    for kind, group in (
+        ("boundary", m.constraints.boundary),
+        ("integral", m.constraints.integral),
+        ("point", m.constraints.point),
+    ):
+        for constraint in group:
+            name = f"multipliers of {constraint.name}: sign and complementarity"
+            if constraint.bounds.fixed.all():
+                yield not_applicable(name, "an equality may have any")
+                continue
+            values = look.solution.multipliers[f"{kind} constraint {constraint.name}"].ravel()
+            signed = np.where(np.isinf(constraint.bounds.upper), np.maximum(values, 0), 0.0)
+            signed -= np.where(np.isinf(constraint.bounds.lower), np.minimum(values, 0), 0.0)
+            size = max(float(np.abs(values).max()), 1e-6)
+            yield judged(name, signed[None, :], size, look.panels.times[[-1]], PLAIN, lambda: 0.0)
+
+
+def feasibility(look: Look) -> Iterator[Condition]:
+    """Bounds, end conditions and constraints, at the nodes and between them."""
+    from quito_cli.solution.violations import Dense, violations
+
+    f, given, p = look.flow, look.panels, look.solution.parameters
+    ends = given.controls(look.solution, np.array([0.0, 1.0]))
+    u = np.empty((2 * len(f.t) + 1, f.u.shape[1]))
+    u[:-1:2], u[1::2], u[-1] = ends[:, 0], f.u, ends[-1, 1]
+    x = np.empty((len(u), f.x.shape[1]))
+    x[::2], x[1::2] = given.states, f.x
+    t = np.empty(len(u))
+    t[::2], t[1::2] = given.times, f.t
+    every = violations(look.system.model, Dense(t, x, u, p), f.integrals)
+    given_at = slice(None, -1 if given.collocated else None, 2)  # no point at the end has a control
+    nodes = violations(
+        look.system.model, Dense(t[given_at], x[given_at], u[given_at], p), f.integrals
+    )
+    own = {v.constraint: v.relative for v in nodes}
+    if not every:
+        yield not_applicable("feasibility", "nothing is asked for")
+        return
+    off = np.array([v.relative for v in every])
+    times = np.array([v.time for v in every])
+    # What holds at the nodes is violated between them as far as the cells let it.
+    between = np.array([v.relative if own[v.constraint] <= PLAIN else 0.0 for v in every])
+    yield judged("feasibility", off, 1.0, times, PLAIN, lambda: between, every[0].constraint)
+
+
+AT_ENDS: tuple[Test, ...] = (transversal, path_multipliers, other_multipliers, feasibility)
+"""In the order of the certificate."""

@@ -1,0 +1,72 @@
+"""What is left of H_u once bounds and constraints have taken their part.
+
+At a point of time u minimises H over its bounds and the active rows c(x, u) where there are
+multipliers μ of the right signs with
+
+    (H + μᵀc)_u = 0 between the bounds of a control,  ≥ 0 at its lower one,  ≤ 0 at its upper one.
+
+The least Σ v² of what violates this is convex in μ and is found by Newton's steps, one μ after the
+other. Where H has a kink in a control, zero lies between its one-sided derivatives.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from quito_cli.optimality.look import Look
+
+Array = NDArray[np.float64]
+
+SWEEPS = 60
+"""Each μ in turn, so many times; they are few."""
+KINK = 0.005
+"""Part of a control's range from which both sides of a kink are looked at."""
+
+
+def pressed_gradient(look: Look) -> Array:
+    """Return the violations at the middles of panels, (P, n_u), signed."""
+    below, above = _sided(look)
+    marks, clear = look.labels, look.clear
+    mixed = [i for i, row in enumerate(look.system.rows) if row.mixed]
+    active = look.active[:, mixed] if mixed else np.zeros((len(marks), 0))
+    by_u = look.rows[2][:, mixed] if mixed else np.zeros((len(marks), 0, marks.shape[1]))
+    equal = np.array([look.system.rows[i].lower == look.system.rows[i].upper for i in mixed], bool)
+    mu = np.zeros(active.shape)
+
+    def violation(mu: Array) -> Array:
+        pull = np.einsum("pr,pru->pu", mu, by_u)
+        low, high = below + pull, above + pull
+        # Between the bounds H falls on the left and rises on the right, or does neither.
+        left = np.where(marks > -1, np.maximum(low, 0.0), 0.0)
+        right = np.where(marks < 1, np.minimum(high, 0.0), 0.0)
+        return np.asarray(left + right)
+
+    here = (active != 0).any(axis=1)
+    for _ in range(SWEEPS if here.any() else 0):
+        for j in range(mu.shape[1]):
+            v = np.where(clear, violation(mu), 0.0)
+            slope = (v * by_u[:, j]).sum(axis=1)
+            bend = np.where(v != 0, by_u[:, j] ** 2, 0.0).sum(axis=1)
+            step = np.where(bend > 0, slope / np.where(bend > 0, bend, 1.0), 0.0)
+            new = mu[:, j] - step
+            signed = new if equal[j] else np.where(active[:, j] > 0, np.maximum(new, 0), np.minimum(new, 0))
+            mu[:, j] = np.where(active[:, j] != 0, signed, 0.0)
+    return np.where(clear, violation(mu), 0.0)
+
+
+def _sided(look: Look) -> tuple[Array, Array]:
+    """Return H_u just below and just above u, (P, n_u) each; they differ at kinks alone."""
+    gradient = look.point.gradient
+    below, above = gradient.copy(), gradient.copy()
+    f, nu = look.flow, look.impulses.integral
+    for i in look.controls.of_kind("kinked"):
+        for side, into in ((-1, below), (1, above)):
+            u = f.u.copy()
+            u[:, i] += side * KINK * look.spans[i]
+            at = look.system.along(f.t, f.x, f.costate, u, look.solution.parameters, nu=nu)
+            into[:, i] = at.gradient[:, i]
+    return below, above
