@@ -145,7 +145,8 @@ def test_a_known_jump_is_drawn_as_a_jump(solve: Solve) -> None:
 def test_the_legend_has_each_kind_once_and_only_where_there_are_several(
     units: quito.Solution,
 ) -> None:
-    assert sorted(legend(figure(units, ("states", "controls")))) == ["bound", "quito", "reference"]
+    names = ["bound", "interior", "quito", "reference"]
+    assert sorted(legend(figure(units, ("states", "controls")))) == names
     assert legend(figure(units, ("costates",))) == []
 
 

@@ -99,8 +99,8 @@ def test_the_summary_has_what_the_readme_explains(tmp_path: Path) -> None:
     printed = (tmp_path / "printed").read_text(encoding="utf-8")
     assert printed.startswith("Move a cart by one metre\nSolved.")
     said = re.findall(r"^- \*\*(.+?)\*\*", section("Sixty seconds"), re.MULTILINE)
-    assert said == ["residuals", "re-simulated", "violation", "total variation"]
-    for word in [*said, "ringing index"]:
+    assert said == ["residuals", "re-simulated", "violation", "total variation", "arcs"]
+    for word in [*said, "ringing index", "Pontryagin"]:
         assert re.search(rf"^  {word} ", printed, re.MULTILINE), word
     assert "judged at 1e-08" in printed, "within ten times the tolerance"
 
