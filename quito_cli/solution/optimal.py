@@ -1,4 +1,4 @@
-"""What Pontryagin's conditions say of an answer: its arcs, and a certificate, condition by condition."""
+"""What Pontryagin's conditions say of an answer: its arcs, and a certificate."""
 
 from __future__ import annotations
 
