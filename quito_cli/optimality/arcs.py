@@ -14,69 +14,36 @@ or for a state what stands in its place, is somewhere not nothing.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.optimality.hamiltonian import Pontryagin
+from quito_cli.optimality.marks import (
+    AT_BOUND,
+    INTERIOR,
+    LOWER,
+    UPPER,
+    Looked,
+    Run,
+    at_bounds,
+    brief,
+    determined_by_rows,
+    in_jumps,
+    marked,
+    merged,
+    span,
+)
 from quito_cli.problem.model import labels
-from quito_cli.solution.junctions import ranges, width
 from quito_cli.solution.optimal import Arc, Kind
-
-if TYPE_CHECKING:
-    from quito_cli.solution.solution import Solution
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-AT_BOUND = 0.004
-"""Part of a control's range within which it is at a bound."""
-TRANSITION = 0.015
-"""Part of the horizon that a transition takes at most, on equal cells."""
 NEAR = 0.01
 """Part of the horizon within which a jump or kink is that of a change of labels."""
-TOUCHES, LIES = 1e-3, 1e-4
-"""Parts of its range within which a constraint is at its bound: somewhere in a panel, with a
-multiplier that says so, and where that is nothing, as it may be in the middle of an arc."""
-
-LOWER, INTERIOR, UPPER = -1, 0, 1
 _KINDS: dict[int, Kind] = {LOWER: "lower", INTERIOR: "interior", UPPER: "upper"}
-
-
-@dataclass(frozen=True)
-class Run:
-    """Neighbouring points of one label."""
-
-    label: int
-    first: int
-    """Its first point."""
-    last: int
-    """Its last one."""
-
-
-@dataclass(frozen=True, eq=False)
-class Looked:
-    """An answer on the grid that its labels are given on."""
-
-    solution: Solution
-    t: Array
-    """(points,) increasing; where cells meet twice, from either side."""
-    u: Array
-    """(points, n_u)."""
-    rows: Array
-    """(points, rows) values of the rows of Pontryagin's system."""
-    pressed: Flags
-    """(points, rows): the multiplier is not nothing."""
-    each: int
-    """Points of a panel."""
-
-    @property
-    def horizon(self) -> float:
-        """From the initial to the final time."""
-        return float(self.t[-1] - self.t[0])
 
 
 def arcs(system: Pontryagin, affine: Flags, seen: Looked) -> tuple[Arc, ...]:
@@ -89,7 +56,7 @@ def arcs(system: Pontryagin, affine: Flags, seen: Looked) -> tuple[Arc, ...]:
     """
     active = at_bounds(system, seen) != 0
     rows = [a for i in range(len(system.rows)) for a in _row_arcs(system, i, active[:, i], seen)]
-    determined = _determined(system)
+    determined = determined_by_rows(system)
     found: list[Arc] = []
     for i, label in enumerate(labels(system.model.controls)):
         own = active[:, determined[:, i]].any(axis=1)
@@ -97,77 +64,15 @@ def arcs(system: Pontryagin, affine: Flags, seen: Looked) -> tuple[Arc, ...]:
     return (*found, *rows)
 
 
-def at_bounds(system: Pontryagin, seen: Looked) -> NDArray[np.int_]:
-    """Return −1 where a row is active at its lower bound, +1 at its upper one, (points, rows)."""
-    found = np.zeros(seen.rows.shape, dtype=int)
-    for i, row in enumerate(system.rows):
-        v = seen.rows[:, i]
-        size = max(float(np.ptp(v)), 1e-3 * float(np.abs(v).max()), 1e-12)
-        pressed = seen.pressed[:, i] | (row.lower == row.upper)
-        for sign, side in ((-1, row.lower), (1, row.upper)):
-            distance = np.abs(v - side)
-            touched = (distance <= TOUCHES * size).reshape(-1, seen.each).any(axis=1)
-            there = np.repeat(touched, seen.each) & pressed | (distance <= LIES * size)
-            for run in _runs(there.astype(int)):
-                span = slice(run.first, run.last + 1)
-                if run.label and pressed[span].any():
-                    found[span, i] = sign
-    return found
-
-
-def marked(system: Pontryagin, seen: Looked) -> NDArray[np.int_]:
-    """Return the labels of û before transitions are merged, (points, n_u)."""
-    lower, upper = system.model.control_bounds
-    reach = AT_BOUND * np.array([_span(system, i, seen) for i in range(len(lower))])
-    at_upper = np.where(seen.u >= upper - reach, UPPER, INTERIOR)
-    return np.asarray(np.where(seen.u <= lower + reach, LOWER, at_upper))
-
-
-def _span(system: Pontryagin, i: int, seen: Looked) -> float:
-    """Return the range of a control: between its bounds, or what it moves by."""
-    low, high = (float(side[i]) for side in system.model.control_bounds)
-    return high - low if np.isfinite(high - low) and high > low else float(ranges(seen.u)[i])
-
-
-def _determined(system: Pontryagin) -> Flags:
-    """Return which controls a row determines when it is active, (rows, n_u), by what enters what.
-
-    Those that enter it, else those that enter its first derivative that has any.
-    """
-    import casadi as ca
-
-    m = system.model
-    pattern = [_pattern(m.xdot, v) for v in (m.x, m.u)]
-    found = np.zeros((len(system.rows), m.n_u), dtype=bool)
-    for i, row in enumerate(system.rows):
-        by_x, by_u = _pattern(row.value, m.x)[0], _pattern(ca.SX(row.value), m.u)[0]
-        for _ in range(m.n_x):
-            if by_u.any():
-                break
-            by_u, by_x = pattern[1][by_x].any(axis=0), pattern[0][by_x].any(axis=0)
-        found[i] = by_u
-    return found
-
-
-def _pattern(value: object, by: object) -> Flags:
-    """Return what depends on what, (values, symbols)."""
-    import casadi as ca
-
-    sparsity = ca.jacobian_sparsity(value, by)
-    dense = np.zeros(sparsity.shape, dtype=bool)
-    dense[sparsity.get_triplet()] = True
-    return dense
-
-
 def _control_arcs(
     system: Pontryagin, i: int, label: str, affine: bool, active: Flags, seen: Looked
 ) -> list[Arc]:
     low, high = (float(side[i]) for side in system.model.control_bounds)
-    tolerance = AT_BOUND * _span(system, i, seen)
-    runs = _merged(marked(system, seen)[:, i], seen.t, _in_jumps(i, _brief(seen), seen))
+    tolerance = AT_BOUND * span(system, i, seen)
+    runs = merged(marked(system, seen)[:, i], seen.t, in_jumps(i, brief(seen), seen))
     ends = [(float(seen.t[0]), 0.0)]
     for before, after in pairwise(runs):
-        ends.append(_junction(i, before, after, (low, high), tolerance, seen))
+        ends.append(_junction(i, before, after, (low, high), tolerance, ends[-1][0], seen))
     ends.append((float(seen.t[-1]), 0.0))
     found: list[Arc] = []
     for run, start, end in zip(runs, ends[:-1], ends[1:], strict=True):
@@ -193,8 +98,12 @@ def _split(
     if not inside.any():
         return [Arc(label, plain, start[0], end[0], start[1], end[1])]
     first = int(np.flatnonzero(inside)[0])
-    runs = _merged(active[inside].astype(int), seen.t[inside], _brief(seen)[inside])
-    ends = [start, *(_change(first + b.last, first + a.first, seen) for b, a in pairwise(runs)), end]
+    runs = merged(active[inside].astype(int), seen.t[inside], brief(seen)[inside])
+    ends = [
+        start,
+        *(_change(first + b.last, first + a.first, seen) for b, a in pairwise(runs)),
+        end,
+    ]
     return [
         Arc(label, "active" if run.label else plain, a[0], b[0], a[1], b[1])
         for run, a, b in zip(runs, ends[:-1], ends[1:], strict=True)
@@ -203,7 +112,7 @@ def _split(
 
 def _row_arcs(system: Pontryagin, i: int, active: Flags, seen: Looked) -> list[Arc]:
     label = system.rows[i].label
-    runs = _merged(active.astype(int), seen.t, _brief(seen))
+    runs = merged(active.astype(int), seen.t, brief(seen))
     ends = [(float(seen.t[0]), 0.0)]
     ends += [_change(before.last, after.first, seen) for before, after in pairwise(runs)]
     ends.append((float(seen.t[-1]), 0.0))
@@ -213,74 +122,23 @@ def _row_arcs(system: Pontryagin, i: int, active: Flags, seen: Looked) -> list[A
     ]
 
 
-def _brief(seen: Looked) -> Array:
-    """Return how long a transition may be around each point, (points,)."""
-    solution = seen.solution
-    steps = np.diff(solution.times)
-    most = width(solution.basis)
-    sums = np.convolve(steps, np.ones(most), mode="same") if len(steps) >= most else steps
-    cells = np.clip(np.searchsorted(solution.times, seen.t, side="right") - 1, 0, len(steps) - 1)
-    found = np.asarray(sums[cells])
-    if np.ptp(steps) <= 1e-6 * steps.max():
-        return np.maximum(found, TRANSITION * seen.horizon)
-    return found
-
-
-def _in_jumps(control: int, brief: Array, seen: Looked) -> Array:
-    """Return `brief`, and within a jump what the jump takes."""
-    found = brief.copy()
-    for j in seen.solution.junctions:
-        if j.control == control and j.kind == "jump":
-            inside = np.abs(seen.t - j.time) <= j.uncertainty
-            found[inside] = np.maximum(found[inside], 2 * j.uncertainty)
-    return found
-
-
-def _runs(marks: NDArray[np.int_]) -> list[Run]:
-    starts = np.append(0, np.flatnonzero(np.diff(marks)) + 1)
-    ends = np.append(starts[1:] - 1, len(marks) - 1)
-    return [Run(int(marks[a]), int(a), int(b)) for a, b in zip(starts, ends, strict=True)]
-
-
-def _merged(marks: NDArray[np.int_], t: Array, brief: Array) -> list[Run]:
-    """Return runs without those that are too short to be arcs, the shortest taken out first.
-
-    A gap between two runs of one label closes; else it is left open, and the junction is in it.
-    """
-    runs = _runs(marks)
-    while len(runs) > 1:
-        sizes = [
-            (t[run.last] - t[run.first]) / brief[(run.first + run.last) // 2] for run in runs
-        ]
-        shortest = int(np.argmin(sizes))
-        if sizes[shortest] > 1:
-            break
-        del runs[shortest]
-        closed: list[Run] = []
-        for run in runs:
-            if closed and closed[-1].label == run.label:
-                closed[-1] = Run(run.label, closed[-1].first, run.last)
-            else:
-                closed.append(run)
-        runs = closed
-    return runs
-
-
 def _junction(
     control: int,
     before: Run,
     after: Run,
     bounds: tuple[float, float],
     tolerance: float,
+    last: float,
     seen: Looked,
 ) -> tuple[float, float]:
-    """Return time and uncertainty of the change between two arcs of a control."""
+    """Return time and uncertainty of the change between two arcs of a control, after the last."""
     begin, end = float(seen.t[before.last]), float(seen.t[after.first])
     reach = NEAR * seen.horizon
     near = [
         j
         for j in seen.solution.junctions
         if j.control == control
+        and j.time > last
         and begin - max(reach, j.uncertainty) <= j.time <= end + max(reach, j.uncertainty)
     ]
     best = min(near, key=lambda j: abs(j.time - (begin + end) / 2), default=None)
@@ -307,9 +165,9 @@ def _drawn(inner: Run, before: bool, off: Array, seen: Looked) -> tuple[float, f
         return edge, NEAR * seen.horizon
     away = int(points[far[0]])
     way = float(seen.t[away] - edge) / 3
-    cells = np.searchsorted(seen.solution.times, edge, side="right") - 1
-    cells = min(cells, len(seen.solution.times) - 2)
-    length = float(seen.solution.times[cells + 1] - seen.solution.times[cells])
+    nodes = seen.solution.times
+    cell = min(int(np.searchsorted(nodes, edge, side="right")) - 1, len(nodes) - 2)
+    length = float(nodes[cell + 1] - nodes[cell])
     return edge - way, abs(way) + length
 
 

@@ -1,29 +1,63 @@
 """An answer judged by Pontryagin's conditions, whatever made it.
 
 Nothing of the nonlinear program's own residuals is used: states and costates are integrated anew
-(`flow`), structure is read off û (`arcs`), the conditions (`conditions`, `conditions_at_ends`) are
+(`flow`), structure is read off û (`arcs`), the conditions (the table `CONDITIONS`) are
 those of the Model. It certifies an extremal, not that no other one is better.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from quito_cli.optimality.conditions import ALONG
-from quito_cli.optimality.conditions_at_ends import AT_ENDS
+from quito_cli.optimality.conditions import (
+    costate_equation,
+    hamiltonian,
+    interior,
+    legendre_clebsch,
+    signs,
+    state_equation,
+)
+from quito_cli.optimality.conditions_at_ends import (
+    feasibility,
+    other_multipliers,
+    path_multipliers,
+    transversal,
+)
+from quito_cli.optimality.conditions_of_switching import (
+    generalised_clebsch,
+    singular_arcs,
+    switching,
+)
 from quito_cli.optimality.hamiltonian import pontryagin
 from quito_cli.optimality.look import Look
 from quito_cli.optimality.probes import TooLargeError
 from quito_cli.optimality.verdicts import not_applicable
 from quito_cli.problem.model import Model
-from quito_cli.solution.optimal import Extremal
+from quito_cli.solution.optimal import Condition, Extremal
 
 if TYPE_CHECKING:
     from quito_cli.solution.solution import Solution
 
+CONDITIONS: tuple[Callable[[Look], Iterator[Condition]], ...] = (
+    state_equation,
+    costate_equation,
+    interior,
+    singular_arcs,
+    signs,
+    switching,
+    hamiltonian,
+    legendre_clebsch,
+    generalised_clebsch,
+    transversal,
+    path_multipliers,
+    other_multipliers,
+    feasibility,
+)
+"""In the order of the certificate; each gives its rows."""
 ALL = "Pontryagin's conditions"
 """The one row where none can be looked at."""
 
@@ -39,7 +73,7 @@ def certify(model: Model, solution: Solution) -> Extremal:
         look = Look.at(system, solution)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             arcs = look.arcs
-            rows = tuple(chain.from_iterable(test(look) for test in (*ALONG, *AT_ENDS)))
+            rows = tuple(chain.from_iterable(test(look) for test in CONDITIONS))
     except TooLargeError:
         return _nothing("the Hamiltonian is too long to be worked on")
     curves = {"Hamiltonian": look.point.hamiltonian}

@@ -6,17 +6,17 @@ Each takes a `Look` and gives the rows of the certificate that it stands for. Th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.optimality.look import Look, bounded_states, dilated
+from quito_cli.optimality.dilation import dilated
+from quito_cli.optimality.look import Look, bounded_states
 from quito_cli.optimality.verdicts import PLAIN, SHARP, SOLVED, judged, not_applicable
 from quito_cli.solution.optimal import Condition
 
 Array = NDArray[np.float64]
-Test = Callable[[Look], Iterator[Condition]]
 
 
 def state_equation(look: Look) -> Iterator[Condition]:
@@ -28,7 +28,7 @@ def state_equation(look: Look) -> Iterator[Condition]:
         look.state_rates,
         given.times[:-1],
         PLAIN,
-        lambda: look.local_errors[0],
+        lambda: look.explained.local_errors[0],
         "x' = f",
     )
 
@@ -43,7 +43,7 @@ def costate_equation(look: Look) -> Iterator[Condition]:
         look.costate_rates,
         given.times[:-1],
         PLAIN,
-        lambda: look.local_errors[1] + _struck(look),
+        lambda: look.explained.local_errors[1] + _struck(look),
         "the costate's derivative",
     )
 
@@ -85,100 +85,56 @@ def _struck(look: Look) -> Array:
 
 def interior(look: Look) -> Iterator[Condition]:
     """H_u = 0 where a regular control is between its bounds; its error over H_uu and the range."""
-    for i in look.controls.of_kind("regular"):
-        name = f"dH/du = 0 on interior arcs of {look.names[i]}"
-        inside = look.clear[:, i] & (look.labels[:, i] == 0)
-        if not inside.any():
-            yield not_applicable(name, f"{look.names[i]} has no interior arc")
-            continue
-        bends = look.point.curvature[:, i, i]
-        scale = float(np.median(np.abs(bends[inside]))) * look.spans[i]
-        residual = np.where(inside, look.gradient[:, i], 0.0)
-        yield judged(
-            name,
-            residual,
-            scale,
-            look.flow.t,
-            PLAIN,
-            lambda i=i, bends=bends: np.abs(bends) * look.spans[i] * look.unfollowed[:, i]
-            + _accumulated(look, i)
-            + look.uneven[:, i],
-            f"dH/d{look.names[i]}",
-        )
+    return (_interior_of(look, i) for i in look.controls.of_kind("regular"))
 
 
-def _accumulated(look: Look, i: int) -> float:
+def _interior_of(look: Look, i: int) -> Condition:
+    name = f"dH/du = 0 on interior arcs of {look.names[i]}"
+    inside = look.clear[:, i] & (look.labels[:, i] == 0)
+    if not inside.any():
+        return not_applicable(name, f"{look.names[i]} has no interior arc that the cells resolve")
+    curvature = np.abs(look.point.curvature[:, i, i])
+    span, why = float(look.spans[i]), look.explained
+    return judged(
+        name,
+        np.where(inside, look.gradient[:, i], 0.0),
+        float(np.median(curvature[inside])) * span,
+        look.flow.t,
+        PLAIN,
+        lambda: curvature * span * why.unfollowed[:, i] + accumulated(look, i) + why.uneven[:, i],
+        f"dH/d{look.names[i]}",
+    )
+
+
+def accumulated(look: Look, i: int) -> float:
     """What the errors of the whole horizon do to H_u."""
-    return look.drift * float(look.switching_sizes[i])
-
-
-def singular_arcs(look: Look) -> Iterator[Condition]:
-    """H_u = 0 where a control that H is affine in is between its bounds."""
-    for i in (*look.controls.of_kind("affine"), *look.controls.of_kind("kinked")):
-        name = f"dH/du = 0 on singular arcs of {look.names[i]}"
-        inside = look.clear[:, i] & (look.labels[:, i] == 0)
-        if not inside.any():
-            yield not_applicable(name, f"{look.names[i]} has no singular arc")
-            continue
-        yield judged(
-            name,
-            np.where(inside, look.gradient[:, i], 0.0),
-            float(look.switching_sizes[i]),
-            look.flow.t,
-            SHARP,
-            lambda i=i: _accumulated(look, i) + look.uneven[:, i],
-            f"dH/d{look.names[i]}",
-        )
+    return look.explained.drift * float(look.switching_sizes[i])
 
 
 def signs(look: Look) -> Iterator[Condition]:
     """H_u ≥ 0 on arcs at a lower bound, ≤ 0 at an upper one."""
-    for i, label in enumerate(look.names):
-        name = f"sign of dH/du on arcs of {label} at its bounds"
-        at_bound = look.clear[:, i] & (look.labels[:, i] != 0)
-        if look.controls.kinds[i] == "absent":
-            yield not_applicable(name, f"H does not depend on {label}")
-            continue
-        if not at_bound.any():
-            yield not_applicable(name, f"{label} has no arc at a bound")
-            continue
-        yield judged(
-            name,
-            np.where(at_bound, look.gradient[:, i], 0.0),
-            float(look.switching_sizes[i]),
-            look.flow.t,
-            SHARP,
-            lambda i=i: _accumulated(look, i),
-            f"dH/d{label} has the wrong sign: it",
-        )
+    return (_sign_of(look, i) for i in range(len(look.names)))
 
 
-def switching(look: Look) -> Iterator[Condition]:
-    """H_u changes sign where a control that H is affine in switches: its value over its slope."""
-    for i in look.controls.of_kind("affine"):
-        label = look.names[i]
-        name = f"dH/du = 0 where {label} switches"
-        own = [a for a in look.arcs if a.of == label]
-        ends = [(a.end, a.end_uncertainty) for a, b in zip(own, own[1:], strict=False)
-                if {a.kind, b.kind} == {"lower", "upper"}]  # fmt: skip
-        if not ends or any(row.mixed for row in look.system.rows):
-            why = "a constraint with controls shares the switches" if ends else "it never switches"
-            yield not_applicable(name, why)
-            continue
-        times, doubt = (np.array(v) for v in zip(*ends, strict=True))
-        slope = np.gradient(look.point.gradient[:, i], look.flow.t)
-        value = np.interp(times, look.flow.t, look.point.gradient[:, i])
-        steep = np.interp(times, look.flow.t, np.abs(slope))
-        length = np.interp(times, look.flow.t, look.panels.lengths)
-        yield judged(
-            name,
-            value,
-            float(look.switching_sizes[i]),
-            times,
-            SHARP,
-            lambda i=i, s=steep, d=doubt, h=length: s * (d + h) / 5 + _accumulated(look, i),
-            f"dH/d{label}",
-        )
+def _sign_of(look: Look, i: int) -> Condition:
+    label = look.names[i]
+    name = f"sign of dH/du on arcs of {label} at its bounds"
+    if look.controls.kinds[i] == "absent":
+        return not_applicable(name, f"H does not depend on {label}")
+    if look.system.model.control_bounds.fixed[i]:
+        return not_applicable(name, f"{label} has no choice")
+    at_bound = look.clear[:, i] & (look.labels[:, i] != 0)
+    if not at_bound.any():
+        return not_applicable(name, f"{label} has no arc at a bound that the cells resolve")
+    return judged(
+        name,
+        np.where(at_bound, look.gradient[:, i], 0.0),
+        float(look.switching_sizes[i]),
+        look.flow.t,
+        SHARP,
+        lambda: accumulated(look, i),
+        f"dH/d{label} has the wrong sign: it",
+    )
 
 
 def hamiltonian(look: Look) -> Iterator[Condition]:
@@ -208,7 +164,9 @@ def hamiltonian(look: Look) -> Iterator[Condition]:
         float(look.sizes[0].max()),
         t,
         PLAIN,
-        lambda: look.drift * float(look.sizes[0].max()) + blurred(look) + unfollowed(look),
+        lambda: (
+            look.explained.drift * float(look.sizes[0].max()) + blurred(look) + unfollowed(look)
+        ),
         "H",
     )
 
@@ -232,8 +190,8 @@ def _row_rates(look: Look) -> Array:
 def blurred(look: Look) -> float:
     """What H' adds up to, at most, from û' where H_u is not zero, and from impulses.
 
-    An impulse m of a constraint c changes H by m c': nothing on an arc, but a touch at a node is not
-    where the constraint is tangent.
+    An impulse m of a constraint c changes H by m c': nothing on an arc, but a touch at a node is
+    not where the constraint is tangent.
     """
     f = look.flow
     moves = np.abs(np.diff(f.u, axis=0, prepend=f.u[[0]]))
@@ -249,7 +207,7 @@ def blurred(look: Look) -> float:
 
 def unfollowed(look: Look) -> Array:
     """What û is off by where its functions cannot follow it, in H; (P,)."""
-    return np.asarray((look.sizes[2] * look.unfollowed * look.spans).sum(axis=1))
+    return np.asarray((look.sizes[2] * look.explained.unfollowed * look.spans).sum(axis=1))
 
 
 def legendre_clebsch(look: Look) -> Iterator[Condition]:
@@ -267,65 +225,3 @@ def legendre_clebsch(look: Look) -> Iterator[Condition]:
     yield judged(
         name, np.minimum(least, 0.0), size, look.flow.t, SOLVED, lambda: 0.0, "the least eigenvalue"
     )
-
-
-def generalised_clebsch(look: Look) -> Iterator[Condition]:
-    """(−1)^q ∂/∂u d^2q(H_u)/dt^2q ≥ 0 on singular arcs, and û the feedback that follows."""
-    from quito_cli.optimality.hamiltonian import sampled
-    from quito_cli.optimality.singular import singular
-
-    for i in look.controls.of_kind("affine"):
-        label = look.names[i]
-        names = [
-            f"generalised Legendre-Clebsch on singular arcs of {label}",
-            f"singular arcs of {label} follow the feedback",
-        ]
-        inside = look.clear[:, i] & (look.labels[:, i] == 0) & _alone(look, i)
-        others = [j for j in look.controls.of_kind("regular")]
-        reason = "" if inside.any() else f"{label} has no singular arc of its own"
-        arc = singular(look.system, look.probe, (i,), tuple(others)) if inside.any() else None
-        if arc is not None and (arc.clebsch is None or arc.order is None):
-            reason = f"there is no singular feedback: {arc.reason or 'odd degree'}"
-        if reason or arc is None:
-            yield from (not_applicable(name, reason) for name in names)
-            continue
-        f = look.flow
-        values = (f.t, f.x, f.costate, f.u, look.solution.parameters, None, look.impulses.integral)
-        _, slope, rest, _ = sampled(arc.functions, values)
-        sign = 1.0 if arc.order % 2 == 0 else -1.0
-        least = np.where(inside, np.minimum(sign * slope[:, 0], 0.0), 0.0)
-        size = float(np.abs(slope[inside]).max())
-        yield judged(names[0], least, size, f.t, PLAIN, lambda: 0.0, "its coefficient")
-        off = (rest[:, 0] + slope[:, 0] * f.u[:, i]) / size
-        yield judged(
-            names[1],
-            np.where(inside, off, 0.0),
-            look.spans[i],
-            f.t,
-            5 * PLAIN,
-            lambda i=i: look.spans[i] * (look.unfollowed[:, i] + look.drift),
-            f"{label} times its coefficient",
-        )
-
-
-def _alone(look: Look, i: int) -> NDArray[np.bool_]:
-    """Where control i is singular and no other one is, nor a constraint active, (P,)."""
-    others = [j for j in look.controls.of_kind("affine") if j != i]
-    regular = list(look.controls.of_kind("regular"))
-    alone = ~(look.labels[:, others] == 0).any(axis=1)
-    alone &= ~(look.labels[:, regular] != 0).any(axis=1)
-    return np.asarray(alone & ~(look.active != 0).any(axis=1))
-
-
-ALONG: tuple[Test, ...] = (
-    state_equation,
-    costate_equation,
-    interior,
-    singular_arcs,
-    signs,
-    switching,
-    hamiltonian,
-    legendre_clebsch,
-    generalised_clebsch,
-)
-"""In the order of the certificate."""

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.optimality.conditions import blurred, unfollowed
 from quito_cli.optimality.look import Look
-from quito_cli.optimality.transversality import Freedom, Transversality, transversality
+from quito_cli.optimality.transversality import Freedom, transversality
 from quito_cli.optimality.verdicts import PLAIN, judged, not_applicable
 from quito_cli.problem.model import Bounds, labels
 from quito_cli.solution.optimal import Condition
 
 Array = NDArray[np.float64]
-Test = Callable[[Look], Iterator[Condition]]
 AT_END = 1e-4
 """Part of its size within which an end value is at its bound."""
 
@@ -29,7 +28,17 @@ def transversal(look: Look) -> Iterator[Condition]:
     x, t = given.states, given.times
     h = look.point.hamiltonian
     found = ends.residuals(
-        x[0], t[0], x[-1], t[-1], p, start, last, h[0], h[-1], f.by_parameters, look.impulses.boundary
+        x[0],
+        t[0],
+        x[-1],
+        t[-1],
+        p,
+        start,
+        last,
+        h[0],
+        h[-1],
+        f.by_parameters,
+        look.impulses.boundary,
     )
     of_x0, of_xf, of_t0, of_tf, of_p = (np.array(v).ravel() for v in found)
     size = np.abs(given.costates).max(axis=0)
@@ -60,7 +69,7 @@ def _last_costate(look: Look) -> Array:
     if look.impulses.last.any():
         by_x = look.carrier.rows_at(t, x, u, look.solution.parameters)[1]
         last -= look.impulses.last @ by_x[0, : len(look.impulses.last)]
-    return last
+    return np.asarray(last)
 
 
 def _parameter_sizes(look: Look) -> Array:
@@ -100,7 +109,7 @@ def _end(
         size,
         times,
         PLAIN,
-        lambda: look.drift * size[None, :] + _of_time(look, where),
+        lambda: look.explained.drift * size[None, :] + _of_time(look, where),
         f"the condition of {worst}",
     )
 
@@ -162,7 +171,7 @@ def _state_bounds(look: Look) -> Iterator[Condition]:
     h = look.panels.lengths[:, None]
     yield judged(
         name, wrong, size, look.panels.times[:-1], PLAIN,
-        lambda: look.local_errors[1] * h + _noise(look), "the multiplier",
+        lambda: look.explained.local_errors[1] * h + _noise(look), "the multiplier",
     )  # fmt: skip
 
 
@@ -213,15 +222,19 @@ def feasibility(look: Look) -> Iterator[Condition]:
         look.system.model, Dense(t[given_at], x[given_at], u[given_at], p), f.integrals
     )
     own = {v.constraint: v.relative for v in nodes}
-    if not every:
-        yield not_applicable("feasibility", "nothing is asked for")
-        return
-    off = np.array([v.relative for v in every])
-    times = np.array([v.time for v in every])
+    late = _outside_times(look)
+    off = np.array([late, *(v.relative for v in every)])
+    times = np.array([given.times[-1], *(v.time for v in every)])
     # What holds at the nodes is violated between them as far as the cells let it.
-    between = np.array([v.relative if own[v.constraint] <= PLAIN else 0.0 for v in every])
-    yield judged("feasibility", off, 1.0, times, PLAIN, lambda: between, every[0].constraint)
+    between = np.array([0.0, *(v.relative if own[v.constraint] <= PLAIN else 0.0 for v in every)])
+    names = ["the horizon", *(v.constraint for v in every)]
+    worst = names[int(np.argmax(np.where(off > PLAIN, off - between, 0.0)))]
+    yield judged("feasibility", off, 1.0, times, PLAIN, lambda: between, worst)
 
 
-AT_ENDS: tuple[Test, ...] = (transversal, path_multipliers, other_multipliers, feasibility)
-"""In the order of the certificate."""
+def _outside_times(look: Look) -> float:
+    """How far initial and final time are from where the problem has them, over the horizon."""
+    m, t = look.system.model, look.panels.times
+    pairs = ((m.initial_time, t[0]), (m.final_time, t[-1]))
+    outside = max(max(one.lower - at, at - one.upper) for one, at in pairs)
+    return max(float(outside) / float(t[-1] - t[0]), 0.0)

@@ -1,7 +1,6 @@
 """An answer's states and costates carried over every panel anew, by an integrator of its own.
 
-A panel is what lies between two times at which both state and costate are known: a control cell, or
-two neighbouring points of a collocation. From its start
+From the start of a panel
 
     x' = f(x, û(t)),      λ' = −H_x(x, λ, û(t)) − Σ μ c_x,
 
@@ -21,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.optimality.hamiltonian import Pontryagin, sampled
+from quito_cli.optimality.panels import Panels
 
 if TYPE_CHECKING:
     import casadi as ca
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from quito_cli.solution.solution import Solution
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 LEAST_STEPS = 4
 """Steps that a panel is integrated in, at least."""
@@ -36,55 +35,6 @@ TOUCHES = 1e-3
 """Part of a state's size within which it is at a bound."""
 PASSES = 3
 """Impulses of bounds are found to the cube of a panel's length."""
-
-
-@dataclass(frozen=True, eq=False)
-class Panels:
-    """Where an answer is looked at, and û there."""
-
-    cells: Indices
-    """(P,) the cell that a panel is in."""
-    begins: Array
-    """(P,) its offset there."""
-    ends: Array
-    """(P,)."""
-    times: Array
-    """(P+1,)."""
-    states: Array
-    """(P+1, n_x)."""
-    costates: Array
-    """(P+1, n_x)."""
-    collocated: bool
-    """Panels are between points of a collocation."""
-
-    @property
-    def lengths(self) -> Array:
-        """(P,)."""
-        return np.diff(self.times)
-
-    def controls(self, solution: Solution, offsets: Array) -> Array:
-        """Return û at offsets in each panel, (P, len(offsets), n_u)."""
-        spans = (self.ends - self.begins)[:, None]
-        places = np.minimum(self.begins[:, None] + spans * offsets, 1.0)
-        cells = np.repeat(self.cells, len(offsets))
-        u = solution.basis.evaluate(solution.coefficients, cells, places.ravel())
-        return u.reshape(len(self.cells), len(offsets), -1)
-
-
-def panels(solution: Solution) -> Panels:
-    """Return the panels of an answer."""
-    mesh, adjoint = solution.mesh, solution.adjoint
-    if adjoint is None:
-        cells = np.arange(mesh.cells)
-        ones = np.ones(len(cells))
-        t, x = solution.times, solution.state(solution.times)
-        return Panels(cells, 0 * ones, ones, t, x, solution.costates, False)
-    t = adjoint.times
-    each = (len(t) - 1) // mesh.cells
-    cells = np.repeat(np.arange(mesh.cells), each)
-    starts, steps = solution.times[cells], np.diff(solution.times)[cells]
-    begins, ends = (t[:-1] - starts) / steps, (t[1:] - starts) / steps
-    return Panels(cells, begins, np.minimum(ends, 1.0), t, solution.state(t), adjoint.states, True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,9 +109,7 @@ class Carrier:
         """Rows that are no bounds of states."""
         return sum(not row.state for row in self.system.rows)
 
-    def rows_at(
-        self, t: Array, x: Array, u: Array, p: Array
-    ) -> tuple[Array, Array, Array, Array]:
+    def rows_at(self, t: Array, x: Array, u: Array, p: Array) -> tuple[Array, Array, Array, Array]:
         """Return values (points, rows) and derivatives (points, rows, n) in x, u, p."""
         m, count = self.system.model, len(self.system.rows)
         found = sampled(self.rows, (t, x, np.zeros(m.n_x), u, p, None, None))

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.optimality.flow import Impulses, Panels
+from quito_cli.optimality.flow import Impulses
 from quito_cli.optimality.hamiltonian import Pontryagin
+from quito_cli.optimality.panels import Panels
 
 if TYPE_CHECKING:
     from quito_cli.solution.solution import Solution

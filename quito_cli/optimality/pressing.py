@@ -30,32 +30,32 @@ KINK = 0.005
 def pressed_gradient(look: Look) -> Array:
     """Return the violations at the middles of panels, (P, n_u), signed."""
     below, above = _sided(look)
-    marks, clear = look.labels, look.clear
-    mixed = [i for i, row in enumerate(look.system.rows) if row.mixed]
-    active = look.active[:, mixed] if mixed else np.zeros((len(marks), 0))
-    by_u = look.rows[2][:, mixed] if mixed else np.zeros((len(marks), 0, marks.shape[1]))
-    equal = np.array([look.system.rows[i].lower == look.system.rows[i].upper for i in mixed], bool)
-    mu = np.zeros(active.shape)
+    marks = look.labels
+    counts = look.clear & ~look.system.model.control_bounds.fixed
 
-    def violation(mu: Array) -> Array:
-        pull = np.einsum("pr,pru->pu", mu, by_u)
+    def violation(pull: Array) -> Array:
         low, high = below + pull, above + pull
         # Between the bounds H falls on the left and rises on the right, or does neither.
         left = np.where(marks > -1, np.maximum(low, 0.0), 0.0)
         right = np.where(marks < 1, np.minimum(high, 0.0), 0.0)
-        return np.asarray(left + right)
+        return np.where(counts, left + right, 0.0)
 
-    here = (active != 0).any(axis=1)
-    for _ in range(SWEEPS if here.any() else 0):
-        for j in range(mu.shape[1]):
-            v = np.where(clear, violation(mu), 0.0)
+    mixed = [i for i, row in enumerate(look.system.rows) if row.mixed]
+    if not mixed or not look.active[:, mixed].any():
+        return violation(np.zeros(below.shape))
+    active, by_u = look.active[:, mixed], look.rows[2][:, mixed]
+    equal = np.array([look.system.rows[i].lower == look.system.rows[i].upper for i in mixed])
+    mu = np.zeros((active.shape[0], active.shape[1]))
+    for _ in range(SWEEPS):
+        for j, free in enumerate(equal):
+            v = violation(np.einsum("pr,pru->pu", mu, by_u))
             slope = (v * by_u[:, j]).sum(axis=1)
             bend = np.where(v != 0, by_u[:, j] ** 2, 0.0).sum(axis=1)
-            step = np.where(bend > 0, slope / np.where(bend > 0, bend, 1.0), 0.0)
-            new = mu[:, j] - step
-            signed = new if equal[j] else np.where(active[:, j] > 0, np.maximum(new, 0), np.minimum(new, 0))
+            new = mu[:, j] - np.where(bend > 0, slope / np.where(bend > 0, bend, 1.0), 0.0)
+            # Of the sign of the bound that the row is at, and none where it is at none.
+            signed = new if free else np.maximum(new * active[:, j], 0.0) * active[:, j]
             mu[:, j] = np.where(active[:, j] != 0, signed, 0.0)
-    return np.where(clear, violation(mu), 0.0)
+    return violation(np.einsum("pr,pru->pu", mu, by_u))
 
 
 def _sided(look: Look) -> tuple[Array, Array]:

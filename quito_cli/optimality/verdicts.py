@@ -30,7 +30,7 @@ SOLVED = 1e-6
 """Relative residual of an answer that is right to the accuracy of solvers."""
 SAFETY = 10.0
 """Errors may be this many times their estimates: constants of schemes differ by up to four."""
-PLAIN, SHARP = 1e-3, 1e-4
+PLAIN, SHARP = 1e-3, 1e-5
 """What is expected of conditions: of those that feel û's error directly, and of the others."""
 
 
@@ -69,7 +69,9 @@ def judged(
     entry = worst[1] if relative.ndim == 2 else 0
     own = float(np.broadcast_to(size, relative.shape[1:] or (1,))[entry])
     residual, time = float(relative[worst]) * own, float(times[worst[0]])
-    reason = f"{what or name} is off by {residual:.2g} at t = {time:.6g}" if verdict == "fails" else ""
+    reason = (
+        f"{what or name} is off by {residual:.2g} at t = {time:.6g}" if verdict == "fails" else ""
+    )
     return Condition(name, residual, own, time, verdict, reason)
 
 
