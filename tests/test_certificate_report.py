@@ -26,7 +26,15 @@ from quito_cli.cli import show
 from quito_cli.cli.certificate import arc_rows, certificate_page
 from quito_cli.plots.figure import DEFAULT, figure
 from quito_cli.problem.load import load_text
-from quito_cli.solution.optimal import Arc, Condition, Extremal, Kind, Verdict
+from quito_cli.solution.optimal import (
+    HAMILTONIAN,
+    SWITCHING,
+    Arc,
+    Condition,
+    Extremal,
+    Kind,
+    Verdict,
+)
 from quito_cli.solution.solution import Quantity
 from quito_cli.solution.tally import verdict
 
@@ -619,3 +627,47 @@ def test_a_problem_without_controls_has_a_hamiltonian(tmp_path: Path) -> None:
     solution.save(tmp_path / "none.h5")
     assert quito.Solution.load(tmp_path / "none.h5").arcs == ()
     assert list(by_label(solution, "switching")) == ["Hamiltonian"]
+
+
+# A solve, from end to end
+
+
+def test_a_solve_ends_with_arcs_and_certificate(
+    tmp_path: Path, quito_: Quito, solve: Solve
+) -> None:
+    """The control of Bressan's problem is −1 until T/3 = 10/3, then 1/2."""
+    code, out, err = quito_("solve", "bressan", "-N", "120", "--json")
+    assert (code, err) == (0, "")
+    answer = json.loads(out)
+    first, second = answer["arcs"]
+    assert [first["of"], first["kind"], first["start"]] == ["u", "lower", 0]
+    assert [second["of"], second["kind"], second["end"]] == ["u", "singular", 10]
+    assert first["end"] == second["start"]
+    assert abs(first["end"] - 10 / 3) <= first["end_uncertainty"] < 0.5
+    verdicts = {row["verdict"] for row in answer["certificate"]}
+    assert verdicts == {"holds", ROUGH, "not applicable"}
+    assert all((row["residual"] is None) == (row["verdict"] == "not applicable") for row in
+               answer["certificate"])  # fmt: skip
+    code, out, _ = quito_("show", "results/bressan.h5", "--certificate")
+    assert code == 0
+    for condition in answer["certificate"]:
+        assert re.search(rf"^  {re.escape(condition['condition'])} ", out, re.MULTILINE)
+    loaded = quito.Solution.load(tmp_path / "results" / "bressan.h5")
+    assert loaded.extremal is not None
+    assert list(loaded.extremal.curves) == [HAMILTONIAN, f"{SWITCHING}u"]
+    drawn = by_label(loaded, "switching")
+    kinds = [(name, start, end) for name, start, end, _ in spans(drawn["dH/du"])]
+    assert kinds == [
+        ("at lower bound", 0, first["end"]),
+        ("singular", second["start"], 10),
+    ]
+
+
+def test_an_answer_that_is_none_has_no_verdict(tmp_path: Path, quito_: Quito) -> None:
+    code, out, _ = quito_("solve", "van_der_pol", "-N", "20", "--max-iterations", "3")
+    assert code == 1
+    assert row(out, "Pontryagin")[0].startswith("no condition applies: ")
+    assert "Pontryagin's conditions do not all hold" not in out
+    code, out, _ = quito_("show", "results/van_der_pol.h5", "--certificate")
+    assert code == 0
+    assert "not applicable" in out
