@@ -12,8 +12,11 @@ from numpy.typing import NDArray
 
 import quito_cli as quito
 from quito_cli.problem.model import Model
+from quito_cli.solution.junctions import junctions
 from quito_cli.solution.resimulation import Control, resimulate
 from quito_cli.solution.trajectory import Trajectory
+from quito_cli.transcription.control import ControlBasis
+from quito_cli.transcription.mesh import Mesh
 
 Array = NDArray[np.float64]
 
@@ -163,3 +166,34 @@ def _both(model: Model, u: Array, h: Array, start: ca.SX, last: Array) -> tuple[
     for k in reversed(range(len(h))):
         costates.append(np.array(slope(states[k], u[k], h[k])).T @ costates[-1])
     return np.array(states), np.array(costates[::-1])
+
+
+def moved(model: Model, answer: quito.Solution, time: float) -> quito.Solution:
+    """Return an answer whose control switches a hundredth of the horizon later than at `time`.
+
+    The mesh is pulled along, by less the further off it is; costates are those of the answer.
+    """
+    start, end = answer.times[0], answer.times[-1]
+    far = 0.1 * (end - start)
+    pull = 0.01 * (end - start) * np.maximum(1 - np.abs(answer.times - time) / far, 0)
+    near = np.minimum((answer.times - start) / far, (end - answer.times) / far)
+    times = answer.times + pull * np.minimum(near, 1)
+    mesh = Mesh((times - start) / (end - start))
+    basis = answer.basis.on(mesh) if isinstance(answer.basis, ControlBasis) else answer.basis
+    steps = len(answer.trajectory.times) - 1
+    nodes = np.linspace(0, 1, steps + 1) * (len(times) - 1)
+    wrong = replace(
+        answer,
+        times=times,
+        basis=basis,
+        costates=answer.costate(times),
+        junctions=junctions(basis, mesh, answer.coefficients, (float(start), float(end))),
+        trajectory=replace_times(answer, np.interp(nodes, np.arange(len(times)), times)),
+    )
+    return simulated(model, wrong, answer.coefficients)
+
+
+def replace_times(answer: quito.Solution, times: Array) -> Trajectory:
+    """Return the answer's trajectory at other times: what is simulated starts from it."""
+    assert isinstance(answer.trajectory, Trajectory)
+    return replace(answer.trajectory, times=times)

@@ -106,9 +106,9 @@ def _interior_of(look: Look, i: int) -> Condition:
     )
 
 
-def accumulated(look: Look, i: int) -> float:
-    """What the errors of the whole horizon do to H_u."""
-    return look.explained.drift * float(look.switching_sizes[i])
+def accumulated(look: Look, i: int) -> Array:
+    """What the errors of the whole horizon do to H_u, (P,)."""
+    return look.explained.drift * look.switching_sizes[:, i]
 
 
 def signs(look: Look) -> Iterator[Condition]:
@@ -129,7 +129,7 @@ def _sign_of(look: Look, i: int) -> Condition:
     return judged(
         name,
         np.where(at_bound, look.gradient[:, i], 0.0),
-        float(look.switching_sizes[i]),
+        look.switching_sizes[:, i],
         look.flow.t,
         SHARP,
         lambda: accumulated(look, i),

@@ -41,7 +41,7 @@ def transversal(look: Look) -> Iterator[Condition]:
         look.impulses.boundary,
     )
     of_x0, of_xf, of_t0, of_tf, of_p = (np.array(v).ravel() for v in found)
-    size = np.abs(given.costates).max(axis=0)
+    size = np.maximum(np.abs(given.costates).max(axis=0), look.least_costates)
     size = np.where(size > 1e-6 * size.max(), size, size.max())
     names = labels(m.states)
     yield from _end("initial", ends.initial, of_x0, x[0], m.initial, size, names, look, 0)

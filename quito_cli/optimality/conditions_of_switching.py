@@ -32,10 +32,10 @@ def _singular_of(look: Look, i: int) -> Condition:
     return judged(
         name,
         np.where(inside, look.gradient[:, i], 0.0),
-        float(look.switching_sizes[i]),
+        float(look.switching_sizes[:, i].max()),
         look.flow.t,
         SHARP,
-        lambda: accumulated(look, i) + look.explained.uneven[:, i],
+        lambda: accumulated(look, i).max() + look.explained.uneven[:, i],
         f"dH/d{look.names[i]}",
     )
 
@@ -63,10 +63,10 @@ def _switching_of(look: Look, i: int) -> Condition:
     return judged(
         name,
         np.interp(times, t, given),
-        float(look.switching_sizes[i]),
+        np.interp(times, t, look.switching_sizes[:, i]),
         times,
         SHARP,
-        lambda: steep * (doubt + length) / 5 + accumulated(look, i),
+        lambda: steep * (doubt + length) / 5 + np.interp(times, t, accumulated(look, i)),
         f"dH/d{label}",
     )
 

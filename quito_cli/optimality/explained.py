@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+FADED = 1e-3
+"""Part of their largest values that costates count as, at least."""
+
 ORDERS = {"euler": 1, "trapezoidal": 2}
 """Schemes whose errors are those of a method of lower order than Kutta's."""
 
@@ -91,12 +94,20 @@ class Explained:
 
     @cached_property
     def drift(self) -> float:
-        """Relative error that local errors add up to over the horizon, by theory."""
+        """Relative error that local errors add up to over the horizon.
+
+        Costates obey a linear equation: their errors grow and fade as they do themselves, and count
+        beside what costates are where the errors are made.
+        """
         by_x, by_costate = self.local_errors
-        h = self.look.panels.lengths[:, None]
-        total = (h * by_x).sum(axis=0) / positive(np.abs(self.look.panels.states).max(axis=0))
-        other = (h * by_costate).sum(axis=0) / positive(np.abs(self.look.panels.costates).max())
-        return float(max(total.max(), other.max()))
+        given = self.look.panels
+        h = given.lengths[:, None]
+        total = (h * by_x).sum(axis=0) / positive(np.abs(given.states).max(axis=0))
+        sizes = np.maximum(np.abs(given.costates).max(axis=0), self.look.least_costates)
+        sizes = np.maximum(sizes, 1e-6 * sizes.max())
+        here = np.maximum((np.abs(given.costates[1:]) / sizes).max(axis=1), FADED)
+        other = (h * by_costate / sizes).max(axis=1) / here
+        return float(max(total.max(), other.sum()))
 
     @cached_property
     def uneven(self) -> Array:

@@ -43,6 +43,10 @@ PRESSES = 1e-3
 """What a multiplier does to λ' or H_u, beside the size of their terms, that is not nothing."""
 STEEP = 0.02
 """Second differences of û over its range, above which the cells do not show what it does."""
+NOTHING = 1e-6
+"""Part of the cost that is none: solvers are asked for less than a thousandth of that."""
+LOCAL = 1e-3
+"""Part of the largest size that is one everywhere."""
 SLIGHT = 0.01
 """Part of what a costate could move by over the horizon that counts as its size."""
 _GRID = 4
@@ -108,14 +112,14 @@ class Look:
 
     @cached_property
     def switching_sizes(self) -> Array:
-        """Sizes of the terms of H_u over the horizon, (n_u,).
+        """Sizes of the terms of H_u, (P, n_u): costates may become small along the horizon.
 
-        A costate that is zero on an arc as long as the horizon has the size that it moves to.
+        One that is zero on an arc has the size that it would move to in a part of the horizon.
         """
-        found = self.sizes[2].max(axis=0, initial=0.0)
         horizon = self.panels.times[-1] - self.panels.times[0]
-        moved = np.tile(SLIGHT * horizon * self.costate_rates, (len(self.flow.t), 1))
-        return np.asarray(np.maximum(found, self.pulled(moved).max(axis=0, initial=0.0)))
+        moved = SLIGHT * horizon * np.maximum(self.sizes[1], self.least_costates / horizon)
+        local = np.maximum(self.sizes[2], self.pulled(moved))
+        return np.maximum(local, LOCAL * local.max(axis=0, initial=0.0))
 
     def pulled(self, moved: Array) -> Array:
         """Return what changes of costates (P, n_x) do to H_u at most, (P, n_u)."""
@@ -236,12 +240,18 @@ class Look:
             np.maximum(f.max(axis=0), np.abs(self.panels.states).max(axis=0) / horizon)
         )
 
+    @property
+    def least_costates(self) -> Array:
+        """Costates smaller than this are nothing beside the cost: (n_x,)."""
+        size = np.maximum(np.abs(self.panels.states).max(axis=0), 1.0)
+        return np.asarray(NOTHING * max(1.0, abs(self.solution.cost)) / size)
+
     @cached_property
     def costate_rates(self) -> Array:
         """How fast costates could move by the terms of H_x, (n_x,)."""
         horizon = self.panels.times[-1] - self.panels.times[0]
-        size = np.abs(self.panels.costates).max(axis=0) / horizon
-        return np.asarray(np.maximum(self.sizes[1].max(axis=0), size))
+        size = np.maximum(np.abs(self.panels.costates).max(axis=0), self.least_costates)
+        return np.asarray(np.maximum(self.sizes[1].max(axis=0), size / horizon))
 
 
 def _pressed(look: Look) -> Flags:

@@ -48,7 +48,7 @@ def judged(
     Args:
         name: of the condition.
         residuals: (points,) or (points, entries), 0 where nothing is asked.
-        scale: of all of them, or by entry.
+        scale: of all of them, or by entry; of (points,) residuals by point.
         times: (points,).
         expected: relative residual that a fine mesh reaches.
         explained: gives the absolute residual that the mesh explains, in the shape of `residuals`.
@@ -66,8 +66,7 @@ def judged(
         over = relative / np.where(np.isfinite(allowed), allowed, np.inf)
         if over.max() > 1:
             worst, verdict = np.unravel_index(int(np.argmax(over)), relative.shape), "fails"
-    entry = worst[1] if relative.ndim == 2 else 0
-    own = float(np.broadcast_to(size, relative.shape[1:] or (1,))[entry])
+    own = float(np.broadcast_to(size, relative.shape)[worst])
     residual, time = float(relative[worst]) * own, float(times[worst[0]])
     reason = (
         f"{what or name} is off by {residual:.2g} at t = {time:.6g}" if verdict == "fails" else ""
