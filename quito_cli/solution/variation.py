@@ -26,7 +26,7 @@ FLOOR = 3e-4
 """Second differences of this fraction of the span are seen by nobody."""
 STILL = 0.1
 """Of its size: a control that moves by less is judged as if it moved by as much."""
-NOTHING = 1e-4
+NOTHING = 1e-3
 """Of its bounds: a control is judged as if it moved by as much, where it is zero but for noise."""
 
 
