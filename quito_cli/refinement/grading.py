@@ -19,6 +19,8 @@ GROWTH = 0.25
 _PARTS = 8
 """Places in a cell at which a length is asked for."""
 _BISECTIONS = 40
+_LEVEL = 1e-9
+"""A slope of the length below which it counts as level."""
 
 
 def graded(mesh: Mesh, wanted: Array, shortest: float, most: int, points: Array) -> Mesh:
@@ -31,30 +33,48 @@ def graded(mesh: Mesh, wanted: Array, shortest: float, most: int, points: Array)
         most: largest number of cells.
         points: (k,) fractions at which there are to be nodes.
     """
+    parts = mesh.fractions[:-1, None] + mesh.steps[:, None] * np.arange(_PARTS) / _PARTS
+    edges = np.append(parts.ravel(), 1.0)
     first, last = mesh.fractions[:-1], mesh.fractions[1:]
-    places = first[:, None] + mesh.steps[:, None] * (np.arange(_PARTS) + 0.5) / _PARTS
-    t, dt = places.ravel(), np.repeat(mesh.steps / _PARTS, _PARTS)
-    way = np.maximum(np.maximum(first - t[:, None], t[:, None] - last), 0.0)
+    way = np.maximum(np.maximum(first - edges[:, None], edges[:, None] - last), 0.0)
 
-    def cells(factor: float) -> Array:
-        lengths = np.maximum(factor * wanted, shortest) + GROWTH * way
-        return np.asarray(dt / lengths.min(axis=1))
+    def lengths(factor: float) -> Array:
+        wide = np.maximum(factor * wanted, shortest) + GROWTH * way
+        return np.asarray(wide.min(axis=1))
 
-    counted = cells(1.0)
-    if counted.sum() > most:
+    found = lengths(1.0)
+    if _counted(edges, found).sum() > most:
         low, high = 1.0, 1.0 / shortest
         for _ in range(_BISECTIONS):
             factor = float(np.sqrt(low * high))
-            low, high = (factor, high) if cells(factor).sum() > most else (low, factor)
-        counted = cells(high)
-    edges = np.append(
-        (first[:, None] + mesh.steps[:, None] * np.arange(_PARTS) / _PARTS).ravel(), 1
-    )
-    reached = np.append(0.0, np.cumsum(counted))
+            fits = _counted(edges, lengths(factor)).sum() <= most
+            low, high = (low, factor) if fits else (factor, high)
+        found = lengths(high)
+    reached = np.append(0.0, np.cumsum(_counted(edges, found)))
     number = max(min(round(reached[-1]), most), len(points) + 1, 2)
-    nodes = np.interp(np.linspace(0.0, reached[-1], number + 1), reached, edges)
-    nodes[0], nodes[-1] = 0.0, 1.0
+    nodes = _placed(np.linspace(0.0, reached[-1], number + 1), reached, edges, found)
     return Mesh(_through(nodes, points))
+
+
+def _slopes(edges: Array, lengths: Array) -> Array:
+    """Return dh/dt between the edges, none of them quite zero."""
+    slopes = np.diff(lengths) / np.diff(edges)
+    return np.where(np.abs(slopes) > _LEVEL, slopes, _LEVEL)
+
+
+def _counted(edges: Array, lengths: Array) -> Array:
+    """Return ∫ dt / h between the edges, h linear in between."""
+    slopes = _slopes(edges, lengths)
+    return np.asarray(np.log1p(slopes * np.diff(edges) / lengths[:-1]) / slopes)
+
+
+def _placed(counts: Array, reached: Array, edges: Array, lengths: Array) -> Array:
+    """Return the times at which so many cells have been counted."""
+    part = np.clip(np.searchsorted(reached, counts, side="right") - 1, 0, len(edges) - 2)
+    slopes = _slopes(edges, lengths)[part]
+    nodes = edges[part] + lengths[part] * np.expm1(slopes * (counts - reached[part])) / slopes
+    nodes[0], nodes[-1] = 0.0, 1.0
+    return np.asarray(nodes)
 
 
 def _through(nodes: Array, points: Array) -> Array:

@@ -25,7 +25,7 @@ NOISE = 1e-5
 ENDS = 4
 """Cells at either end whose second differences count no more than those inside: on a singular arc
 the last coefficients hardly matter, and are left to chance."""
-LOCAL_ERROR = 1e-5
+LOCAL_ERROR = 1e-4
 """Local error of the states in a cell, over their size and the tolerance of the mesh."""
 _FINER = 4
 """Times as many steps, of the classical Runge-Kutta method, that the local error is found with."""

@@ -15,13 +15,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.transcription.control import Basis, ControlBasis
+from quito_cli.transcription.generating import GENERATING_FUNCTIONS
 from quito_cli.transcription.mesh import Mesh
+from quito_cli.transcription.qualities import jump
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -34,18 +37,20 @@ HARDLY_MOVES = 0.01
 """A control that moves by less than this part of its size is judged by that."""
 FADED = 0.05
 """Part of its peak to which a jump or kink has fallen where it ends."""
-ABOVE = 6.0
+ABOVE = 4.0
 """A kink changes the slope by this many times as much as the neighbourhood does."""
 SMALLEST = 1e-4
 """A kink that rounds off less of the range than this is not to be told from noise."""
+STEEP = 4.0
+"""A jump is this many times steeper than û is around it."""
 WAVE = 0.3
 """Part of its slope that a control may have beside a jump: more, and the jump is one of a wave."""
 SHORT = 2e-3
 """What takes no more than this part of the horizon is a jump or kink, however many cells it has."""
 _FINE = 2
 """Points a cell."""
-_STEP = 3.5
-"""√D cells in which a quasi-interpolant gets over a step of its coefficients."""
+_EDGE = 6
+"""Points at either end where û is not quite what its coefficients are elsewhere."""
 _PLAIN = 3
 """Cells that a jump takes of a control that is no quasi-interpolant."""
 
@@ -117,35 +122,61 @@ def width(basis: Basis) -> int:
     """Return how many cells a step of the coefficients takes, and one for where it falls."""
     if not isinstance(basis, ControlBasis) or not basis.function.scaled:
         return _PLAIN
-    return math.ceil(_STEP * math.sqrt(basis.variance)) + 1
+    return _step_width(basis.function.name, basis.variance) + 1
+
+
+@cache
+def _step_width(name: str, variance: float) -> int:
+    """Return the cells in which û, for coefficients that are a step, is not yet level."""
+    s, u = jump(GENERATING_FUNCTIONS[name], variance, True)
+    slopes = np.abs(np.diff(u))
+    steep = s[:-1][slopes > FADED * slopes.max()]
+    return math.ceil(float(np.ptp(steep)))
 
 
 def _jumps(u: Array, t: Array, most: int) -> list[tuple[int, int]]:
     """Return the jumps of one control over its range, as ranges of points, first and last.
 
-    The steepest place is looked at first, and what is steep around it belongs to it.
+    The steepest place is looked at first, and what is steep around it belongs to it. Two with no
+    more than a cell between them are one: it falls into that cell.
     """
     slopes = np.abs(np.diff(u) / np.diff(t))
+    middle = (t[1:] + t[:-1]) / 2
     least = HEIGHT / max(most * float(np.median(np.diff(t))), SHORT)
     spans: list[tuple[int, int]] = []
     left = np.array(slopes)
     while left[peak := int(np.argmax(left))] > least:
-        faded = np.flatnonzero(slopes <= FADED * slopes[peak])
+        usual = _usual(slopes, middle, peak, most)
+        if STEEP * usual > slopes[peak]:
+            left[peak] = 0.0
+            continue
+        faded = np.flatnonzero(slopes <= max(FADED * slopes[peak], 2 * usual))
         first = int(faded[faded < peak].max(initial=-1)) + 1
         last = int(faded[faded > peak].min(initial=len(slopes)))
         left[first:last] = 0.0
         around = np.append(slopes[max(first - most, 0) : first], slopes[last : last + most])
+        if first == 0 or last == len(slopes):  # a layer at an end of the horizon is no jump
+            continue
         if t[last] - t[first] > SHORT and (
             last - first > most or around.max(initial=0.0) > WAVE * slopes[peak]
         ):
             continue
-        within = [span for span in spans if span[0] < last and first < span[1]]
+        within = [s for s in spans if s[0] <= last + _FINE and first <= s[1] + _FINE]
         spans = [span for span in spans if span not in within] + [
             (min(first, *(a for a, _ in within)), max(last, *(b for _, b in within)))
             if within
             else (first, last)
         ]
     return [(a, b) for a, b in spans if abs(u[b] - u[a]) > HEIGHT]
+
+
+def _usual(slopes: Array, middle: Array, peak: int, most: int) -> float:
+    """Return the median slope around a peak, at times further off than a jump would take."""
+    first, last = max(peak - most // 2, 0), min(peak + most // 2, len(middle) - 1)
+    way = max(middle[last] - middle[first], SHORT) / 2
+    times = middle[peak] + way * np.concatenate([np.arange(-8, 0), np.arange(1, 9)])
+    inside = times[(times > middle[0]) & (times < middle[-1])]
+    return float(np.median(np.interp(inside, middle, slopes))) if inside.size else 0.0
 
 
 def _kinks(u: Array, t: Array, most: int, jumps: list[tuple[int, int]]) -> list[tuple[int, int]]:
@@ -168,11 +199,19 @@ def _kinks(u: Array, t: Array, most: int, jumps: list[tuple[int, int]]) -> list[
 
     before, after = slope(starts, first), slope(last, last + side)
     change = np.abs(after - before)
-    usual = np.nan_to_num(np.abs(before - slope(outer[0], starts)))
-    usual += np.nan_to_num(np.abs(slope(last + side, outer[1]) - after))
+    with np.errstate(invalid="ignore"):
+        bends = np.array(
+            [
+                np.abs(before - slope(outer[0], starts)) / (t[first] - t[outer[0]]),
+                np.abs(slope(last + side, outer[1]) - after) / (t[outer[1]] - t[last]),
+            ]
+        )
+    bends = np.where(np.isnan(bends), bends[::-1], bends)
+    usual = bends.sum(axis=0) * (t[last + side] - t[starts])
     score = change / (usual + SLOPE / ABOVE)
     plain = (score > ABOVE) & (change * (t[last] - t[first]) > SMALLEST)
     ends = np.column_stack([starts, last + side])
+    plain &= (ends[:, 0] >= _EDGE) & (ends[:, 1] < len(u) - _EDGE)
     for a, b in jumps:
         plain &= (ends[:, 1] < a) | (ends[:, 0] > b)
     clear = np.where(plain, score, 0.0)

@@ -2,7 +2,7 @@
 
 It says where the states and the control stand, where they are looked at, and adds the terms of the
 dynamics with the integrals and path constraints to a program; what it adds can read states and
-costates back from an answer. A new method is a new class here below, and its row in `solve`.
+costates back from an answer. A new method is a class of its own, and a line in `solve`.
 """
 
 from __future__ import annotations
