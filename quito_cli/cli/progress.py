@@ -26,9 +26,9 @@ class ProgressLine:
         return self._show if self._live or self._every_line else None
 
     def _show(self, progress: Progress) -> None:
-        digits = 6 if progress.stage else 9  # the line is not to be wider than a terminal
+        digits = 5 if progress.stage else 9  # the line is not to be wider than a terminal
         text = (
-            f"{self.heading}{progress.stage}{'   ' if progress.stage else ''}"
+            f"{self.heading}{progress.stage}{'  ' if progress.stage else ''}"
             f"iteration {progress.iteration:4d}   cost {progress.cost: .{digits}e}   "
             f"violation {progress.violation:.2e}"
         )

@@ -187,12 +187,12 @@ def _draw(axes: Axes, curve: Curve) -> None:
     several = len(curve.lines) > 1
     style = "steps-post" if curve.steps else "default"
     drawn: list[Artist] = []
-    _mark(axes, curve.marks)
     for i, line in enumerate(curve.lines):
         colour, name = (COLOURS[i % len(COLOURS)], plain(line.name)) if several else (OURS, "quito")
         drawn += axes.plot(curve.times, line.values, color=colour, label=name, drawstyle=style)
         if line.known is not None:
             axes.plot(curve.times, line.known, "--", color=KNOWN, linewidth=1.2, label="reference")
+    _mark(axes, curve.marks)
     low, high = _range(curve)
     for bound in sorted({b for line in curve.lines for b in (line.lower, line.upper)}):
         if low - _reach(curve, low, high) <= bound <= high + _reach(curve, low, high):
