@@ -475,7 +475,7 @@ def test_results_of_problems_that_differ(compare: Compare, monkeypatch: pytest.M
     said = compare("results/known.h5", "results/half.h5", "--json").json
     assert said["against"] == "the first result, known"
     assert said["notes"] == [
-        "half answers another problem: its `states` differs",
+        "another problem is answered by half: its `states` differs",
         "no ringing: some of the results have it relative to a reference, others not",
     ]
     first, second = said["rows"]

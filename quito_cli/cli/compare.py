@@ -134,7 +134,12 @@ def compare(
     latex: Annotated[bool, typer.Option("--latex", help="Print the tables as LaTeX.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
     verbose: Annotated[
-        bool, typer.Option("--verbose", "-v", help="Say what the columns mean.")
+        bool,
+        typer.Option(
+            "--verbose",
+            "-v",
+            help="Say what the columns mean, and show each of several controls by itself.",
+        ),
     ] = False,
 ) -> None:
     """Compare an answer with what is known of it, and with what other methods find.
