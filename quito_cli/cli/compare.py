@@ -200,9 +200,11 @@ def compare(
         print_comparison(found, drawn, verbose=verbose)
     if found.interrupted:
         raise typer.Exit(INTERRUPTED)
-    if found.truth is None or not all(row.solution.success for row in found.rows):
+    if found.truth is None or not found.rows[0].solution.success:
         raise typer.Exit(1)
     check_gates(found, limits)
+    if not all(row.solution.success for row in found.rows):
+        raise typer.Exit(1)
 
 
 def _one_format(*wanted: bool) -> None:
