@@ -946,6 +946,9 @@ def test_compare_shows_which_method_is_solved(tmp_path: Path) -> None:
         assert f"{method}   iteration    0" in seen.terminal
         assert f"  {method} " in seen.out
     assert "iteration " not in seen.out
+    lines = seen.terminal.replace("\x1b[K", "").split("\r")
+    assert max(map(len, lines)) < 80, "longer ones would break, and stay on the terminal"
+    assert "cost" in lines[1]
 
 
 def test_compare_prints_what_there_is_when_interrupted(tmp_path: Path) -> None:

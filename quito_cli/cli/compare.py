@@ -139,7 +139,12 @@ def compare(
     latex: Annotated[bool, typer.Option("--latex", help="Print the tables as LaTeX.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
     verbose: Annotated[
-        bool, typer.Option("--verbose", "-v", help="Say what the columns mean.")
+        bool,
+        typer.Option(
+            "--verbose",
+            "-v",
+            help="Say what the columns mean, and show each of several controls by itself.",
+        ),
     ] = False,
 ) -> None:
     """Compare an answer with what is known of it, and with what other methods find.
@@ -201,9 +206,11 @@ def compare(
         print_comparison(found, drawn, verbose=verbose)
     if found.interrupted:
         raise typer.Exit(INTERRUPTED)
-    if found.truth is None or not all(row.solution.success for row in found.rows):
+    if found.truth is None or not found.rows[0].solution.success:
         raise typer.Exit(1)
     check_gates(found, limits)
+    if not all(row.solution.success for row in found.rows):
+        raise typer.Exit(1)
 
 
 def _one_format(*wanted: bool) -> None:
