@@ -45,6 +45,8 @@ class Task:
     tolerance: float
     """What the solver is asked for."""
     max_iterations: int
+    own_guess: bool
+    """Whether the guess is the problem's, so that it is worth a word what was done to it."""
     listener: Listener | None
 
     def on(self, mesh: Mesh, warm: Solution | None, build_seconds: float) -> Solution:
@@ -65,7 +67,8 @@ class Task:
         build_seconds += time.perf_counter() - started
         nlp, outcome, residuals, transcribed = self._minimised(method, warm)
         doubt = control_warning(self.model, method.basis)
-        nlp = replace(nlp, notes=nlp.notes + ((doubt,) if doubt else ()))
+        notes = nlp.notes if self.own_guess else ()
+        nlp = replace(nlp, notes=notes + ((doubt,) if doubt else ()))
         seconds = build_seconds + transcribed
         return extract(self.problem, nlp, outcome, residuals, self.options.record, seconds)
 
@@ -83,6 +86,7 @@ class Task:
         task = replace(
             self,
             model=guided(self.model, earlier),
+            own_guess=False,
             options=replace(self.options, substeps=substeps, steps=mesh.cells),
             tolerance=min(self.tolerance, REFINED_TOLERANCE) if graded else self.tolerance,
             max_iterations=min(

@@ -193,7 +193,7 @@ def solve(
     _refuse_warm_start(chosen, earlier, problem)
     points = np.array([point.at for point in model.constraints.point], dtype=float)
     mesh = Mesh.through(chosen.steps, points)
-    task = Task(problem, model, chosen, chosen.tolerance, chosen.max_iterations, listener)
+    task = Task(problem, model, chosen, chosen.tolerance, chosen.max_iterations, True, listener)
     built, warm = time.perf_counter() - started, earlier if chosen.warm_start else None
     if chosen.mesh == "uniform":
         return _certified(model, task.on(mesh, warm, built))

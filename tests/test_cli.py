@@ -946,6 +946,9 @@ def test_compare_shows_which_method_is_solved(tmp_path: Path) -> None:
         assert f"{method}   iteration    0" in seen.terminal
         assert f"  {method} " in seen.out
     assert "iteration " not in seen.out
+    lines = seen.terminal.replace("\x1b[K", "").split("\r")
+    assert max(map(len, lines)) < 80, "longer ones would break, and stay on the terminal"
+    assert "cost" in lines[1]
 
 
 def test_compare_prints_what_there_is_when_interrupted(tmp_path: Path) -> None:
@@ -1004,6 +1007,25 @@ def test_ctrl_c_keeps_the_best_iterate(tmp_path: Path) -> None:
     assert (solution.status, solution.success) == (Status.INTERRUPTED, False)
     assert len(solution.times) == 4001
     assert written(tmp_path) == {"results/van_der_pol.h5"}
+
+
+def test_ctrl_c_half_way_through_a_refinement_keeps_the_best_mesh(tmp_path: Path) -> None:
+    seen = on_a_terminal(
+        *("solve", "van_der_pol", "--mesh", "adaptive", "--no-plot"),
+        folder=tmp_path,
+        interrupt_at="mesh 3, ",
+    )
+    assert seen.code == 130
+    assert "mesh 1, 100 cells  iteration    0   cost" in seen.terminal
+    lines = seen.terminal.replace("\x1b[K", "").split("\r")
+    assert max(len(line) for line in lines) < 80
+    assert "Not solved. Interrupted" in seen.out
+    assert "Warning: the mesh was not refined to the end" in seen.out
+    solution = quito.Solution.load(tmp_path / "results" / "van_der_pol.h5")
+    assert solution.status is Status.INTERRUPTED
+    assert solution.refinement is not None
+    assert len(solution.refinement.rounds) >= 2
+    assert solution.cost == pytest.approx(0.7576179286593919, abs=1e-3)
 
 
 # Result files that are none

@@ -487,7 +487,7 @@ def test_results_of_problems_that_differ(compare: Compare, monkeypatch: pytest.M
     said = compare("results/known.h5", "results/half.h5", "--json").json
     assert said["against"] == "the first result, known"
     assert said["notes"] == [
-        "half answers another problem: its `states` differs",
+        "another problem is answered by half: its `states` differs",
         "no ringing: some of the results have it relative to a reference, others not",
     ]
     first, second = said["rows"]
@@ -651,6 +651,14 @@ def test_gates_are_of_our_row_alone_and_all_are_told(compare: Compare) -> None:
     assert both.code == 3
     assert both.err.count("above") == 2
     assert "Error of the control" in both.out, "the table is printed all the same"
+
+
+def test_a_gate_is_looked_at_where_another_method_fails(compare: Compare) -> None:
+    asked = ("minimum_time", "-N", "50", "--against", "lgr:10x5", "-q")
+    assert compare(*asked, "--max-error-l2", "9").code == 1, "the other has not converged"
+    found = compare(*asked, "--max-error-l2", "0.01")
+    assert found.code == 3
+    assert "quasi-interpolant:gaussian: error_l2 is" in found.err
 
 
 def test_a_gate_without_a_figure(compare: Compare) -> None:

@@ -9,13 +9,14 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import quito_cli as quito
 from quito_cli.cli.comparison import print_comparison
 from quito_cli.comparison.comparison import Comparison
 from quito_cli.comparison.dictionary import as_dictionary
-from quito_cli.comparison.table import COLUMNS, tables, text
+from quito_cli.comparison.table import COLUMNS, by_control, tables, text
 from quito_cli.comparison.writing import latex, markdown
 from quito_cli.problem.load import load_text
 from quito_cli.problem.schema_reference import Published
@@ -107,6 +108,27 @@ def test_verbose_says_what_every_column_means(
     for table in tables(found):
         for column in table.columns:
             assert column.help in printed
+
+
+def test_each_of_several_controls_by_itself(
+    found: Comparison, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert by_control(found) is None, "one control is in the tables already"
+    several = quito.compare("siri", "piecewise-constant", steps=12)
+    table = by_control(several)
+    assert table is not None
+    assert [row[0] for row in table.rows] == [
+        f"u{i} by {row.method}" for i in (1, 2, 3) for row in several.rows
+    ]
+    at = [column.key for column in table.columns].index("error_l2") + 1
+    alone = [float(row[at]) for row in table.rows if "piecewise" in row[0]]
+    together = several.rows[1].errors
+    assert together is not None
+    assert np.linalg.norm(alone) == pytest.approx(together.l2, rel=0.01)
+    assert not {"state_error", "switching_error"} & {column.key for column in table.columns}
+    for verbose in (True, False):
+        print_comparison(several, (), verbose=verbose)
+        assert ("u2 by piecewise-constant" in capsys.readouterr().out) is verbose
 
 
 def cells(line: str) -> list[str]:

@@ -16,7 +16,7 @@ from quito_cli.cli.solve import INTERRUPTED
 from quito_cli.comparison.table import COLUMNS
 from quito_cli.errors import GateError, QuitoError
 from quito_cli.problem.language.functions import FUNCTIONS
-from quito_cli.problem.options import DiscretizationName
+from quito_cli.problem.options import DiscretizationName, FileOptions
 from quito_cli.problem.schema import Problem
 from quito_cli.solve import Options
 
@@ -99,7 +99,8 @@ def test_the_summary_has_what_the_readme_explains(tmp_path: Path) -> None:
     printed = (tmp_path / "printed").read_text(encoding="utf-8")
     assert printed.startswith("Move a cart by one metre\nSolved.")
     said = re.findall(r"^- \*\*(.+?)\*\*", section("Sixty seconds"), re.MULTILINE)
-    assert said == ["residuals", "re-simulated", "violation", "total variation", "arcs"]
+    figures = ["residuals", "re-simulated", "violation", "total variation", "switching times"]
+    assert said == [*figures, "arcs"]
     for word in [*said, "ringing index", "Pontryagin"]:
         assert re.search(rf"^  {word} ", printed, re.MULTILINE), word
     assert "judged at 1e-08" in printed, "within ten times the tolerance"
@@ -166,6 +167,7 @@ SENTENCES: list[tuple[str, dict[str, Any]]] = [
     ("--generating-function laguerre6", {"generating_function": "laguerre6"}),
     ("--control piecewise-constant", {"control": "piecewise-constant"}),
     ("--discretization rk4", {"discretization": "rk4"}),
+    ("--mesh adaptive", {"mesh": "adaptive"}),
     ("--solver-option mu_strategy=adaptive", {"solver_options": {"mu_strategy": "adaptive"}}),
 ]
 
@@ -276,6 +278,11 @@ def test_defaults_it_states() -> None:
     assert Options.discretization == "rk4"
     assert "`--discretization rk4` (default)" in text
     assert f"`--substeps` steps a cell (default {Options.substeps})" in text
+    assert f"`--mesh-steps` cells (default {Options.mesh_steps})" in text
+    assert f"outside jumps (default {Options.mesh_tolerance:g})" in text
+    assert f"`--mesh-iterations` meshes (default {Options.mesh_iterations})" in text
+    assert "(default twice those it starts from)" in text
+    assert Options.resolve(FileOptions(mesh="adaptive"), {}).most_cells == 2 * Options.mesh_steps
 
 
 def test_the_python_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -235,6 +235,36 @@ def test_the_rounds_of_a_refinement_are_labelled(tmp_path: Path, solve: Solve) -
         assert (first["before"].item(), first["after"].item()) == pytest.approx((-1, 1), abs=0.02)
 
 
+def test_the_account_is_labelled_too(tmp_path: Path, solve: Solve) -> None:
+    solution = solve("van_der_pol", **ADAPTIVE)
+    assert solution.refinement is not None
+    account = solution.refinement.account
+    assert account is not None
+    solution.save(tmp_path / "a.h5")
+    with h5py.File(tmp_path / "a.h5") as file:
+        for where in ("refinement", "refinement/account"):
+            for name, dataset in file[where].items():
+                if isinstance(dataset, h5py.Dataset):
+                    for dimension in dataset.dims:
+                        assert dataset.is_scale or len(dimension) == 1, name
+    with xarray.open_dataset(
+        tmp_path / "a.h5", group="refinement/account", engine="h5netcdf"
+    ) as data:
+        assert data["left_out"].dims == ("zone", "side")
+        assert data["left_out"].values.tolist() == [list(zone) for zone in account.left_out]
+        assert data.attrs["meshes"] == account.meshes
+
+
+@pytest.mark.parametrize("kept", [-1, 99])
+def test_a_file_that_kept_a_mesh_there_is_none_of_is_refused(
+    kept: int, tmp_path: Path, solve: Solve
+) -> None:
+    solve("van_der_pol", **ADAPTIVE).save(tmp_path / "a.h5")
+    with h5py.File(tmp_path / "a.h5", "a") as file:
+        file["refinement"].attrs["kept"] = kept
+    refused(tmp_path / "a.h5")
+
+
 def test_a_file_from_before_adaptive_meshes_is_read(saved: Path, solve: Solve) -> None:
     with h5py.File(saved, "r+") as file:
         del file["junctions"]

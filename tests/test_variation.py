@@ -100,7 +100,11 @@ def test_the_noise_of_a_constant_is_no_ringing_but_waves_that_are_seen_are(
 def test_the_noise_of_a_zero_control_is_no_ringing_within_its_bounds() -> None:
     zero = np.zeros(len(T))
     assert ringing_index(noise(5e-9), WIDTH, zero, 1.0) <= 1.2
+    assert ringing_index(noise(5e-8), WIDTH, zero, 1.0) <= 1.2
     assert ringing_index(noise(1e-2), WIDTH, zero, 1.0) > 100
+    ends = zero.copy()
+    ends[::4], ends[16:] = 5e-6, 0.0
+    assert ringing_index(ends, WIDTH, None, 1.0) <= 1.2, "noise at an end stays an end"
     assert ringing_index(0.5 + noise(0.1), WIDTH, 0.5 + zero, 1e3) > 100
 
 

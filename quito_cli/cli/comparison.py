@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from quito_cli.cli.text import columns, labelled, plain
-from quito_cli.comparison.table import Table, tables
+from quito_cli.comparison.table import Table, by_control, tables
 from quito_cli.comparison.writing import heading, sentences
 
 if TYPE_CHECKING:
@@ -26,6 +26,9 @@ def print_comparison(found: Comparison, drawn: tuple[Path, ...], *, verbose: boo
         if verbose:
             text += f"\n{labelled([(c.heading, c.help) for c in table.columns], indent='    ')}"
         paragraphs.append(text)
+    apart = by_control(found) if verbose else None
+    if apart:
+        paragraphs.append(f"{apart.title}\n{_aligned(apart)}")
     failed = [row for row in found.rows if not row.solution.success]
     if failed:
         mark = typer.style("Not solved:", bold=True, fg="red")

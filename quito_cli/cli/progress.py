@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
@@ -26,17 +27,21 @@ class ProgressLine:
         return self._show if self._live or self._every_line else None
 
     def _show(self, progress: Progress) -> None:
-        digits = 6 if progress.stage else 9  # the line is not to be wider than a terminal
-        text = (
-            f"{self.heading}{progress.stage}{'   ' if progress.stage else ''}"
-            f"iteration {progress.iteration:4d}   cost {progress.cost: .{digits}e}   "
-            f"violation {progress.violation:.2e}"
-        )
+        digits = 5 if progress.stage else 9  # the line is not to be wider than a terminal
+        parts = [
+            f"{self.heading}{progress.stage}{'  ' if progress.stage else ''}"
+            f"iteration {progress.iteration:4d}",
+            f"cost {progress.cost: .{digits}e}",
+            f"violation {progress.violation:.2e}",
+        ]
         if self._every_line:
-            print(text, file=sys.stderr)
-        else:
-            print(f"\r{text}\x1b[K", end="", file=sys.stderr, flush=True)
-            self._shown = True
+            print("   ".join(parts), file=sys.stderr)
+            return
+        room = shutil.get_terminal_size().columns - 1
+        while len(parts) > 1 and len("   ".join(parts)) > room:
+            parts.pop()  # a line that does not fit would not go away
+        print(f"\r{'   '.join(parts)[:room]}\x1b[K", end="", file=sys.stderr, flush=True)
+        self._shown = True
 
     def __enter__(self) -> Self:
         return self

@@ -8,28 +8,24 @@ from typing import Annotated, Any
 
 import typer
 
+from quito_cli.cli.options import (
+    GeneratingFunction,
+    MaxIterations,
+    Settings,
+    Steps,
+    Substeps,
+    Tolerance,
+)
 from quito_cli.cli.output import Picture, check_folder, check_picture
 from quito_cli.solve import Options
 from quito_cli.solve import solve as run
 
-GeneratingFunction = Annotated[
-    str | None,
-    typer.Option(
-        "--generating-function",
-        help="gaussian, laguerre4, laguerre6, hermite10, trigonometric or sech; or the paper's "
-        f"number, 1 to 6. [default: {Options.generating_function}]",
-        show_default=False,
-    ),
-]
 INTERRUPTED = 130
 
 
 def solve(
     problem: Annotated[str, typer.Argument(help="A problem file, or the name of a bundled one.")],
-    steps: Annotated[
-        int | None,
-        typer.Option("-N", "--steps", help=f"Control cells. [default: {Options.steps}]"),
-    ] = None,
+    steps: Steps = None,
     variance: Annotated[
         float | None,
         typer.Option(
@@ -60,10 +56,7 @@ def solve(
             f"[default: {Options.discretization}]"
         ),
     ] = None,
-    substeps: Annotated[
-        int | None,
-        typer.Option(help=f"Integration steps in each cell. [default: {Options.substeps}]"),
-    ] = None,
+    substeps: Substeps = None,
     degree: Annotated[
         int | None,
         typer.Option(
@@ -102,12 +95,8 @@ def solve(
             show_default=False,
         ),
     ] = None,
-    tolerance: Annotated[
-        float | None, typer.Option(help=f"Of the solver. [default: {Options.tolerance:g}]")
-    ] = None,
-    max_iterations: Annotated[
-        int | None, typer.Option(help=f"Of the solver. [default: {Options.max_iterations}]")
-    ] = None,
+    tolerance: Tolerance = None,
+    max_iterations: MaxIterations = None,
     solver: Annotated[
         str | None,
         typer.Option(
@@ -143,14 +132,7 @@ def solve(
             metavar="KEY=VALUE", help="An option of the solver by its own name; may be repeated."
         ),
     ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="NAME=VALUE",
-            help="Set a constant, or a value by its path (states.x1.upper=2); may be repeated.",
-        ),
-    ] = None,
+    settings: Settings = None,
     output: Annotated[
         Path, typer.Option("-o", "--output", help="Folder for the result and the picture.")
     ] = Path("results"),

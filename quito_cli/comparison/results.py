@@ -50,7 +50,7 @@ def compare_results(
     differs = [differing(problems[0], problem) for problem in problems]
     names = _row_names(results)
     notes = [
-        f"{name} answers another problem: its `{section}` differs"
+        f"another problem is answered by {name}: its `{section}` differs"
         for name, section in zip(names, differs, strict=True)
         if section
     ]

@@ -9,8 +9,8 @@ a page.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 from quito_cli.comparison.comparison import Comparison, Row
@@ -171,6 +171,8 @@ COLUMNS: Final[Mapping[str, tuple[Column, ...]]] = {
     ),
 }
 """By table."""
+_BY_CONTROL: Final = ("Error of the control", "Shape of the control, and the states")
+"""Tables whose columns say something of one control by itself."""
 _MISSING: Final = "-"
 
 
@@ -183,7 +185,7 @@ def tables(comparison: Comparison) -> tuple[Table, ...]:
     )
 
 
-def _table(comparison: Comparison, title: str, given: tuple[Column, ...]) -> Table:
+def _table(comparison: Comparison, title: str, given: Sequence[Column]) -> Table:
     columns = tuple(
         column
         for column in given
@@ -210,6 +212,31 @@ def _table(comparison: Comparison, title: str, given: tuple[Column, ...]) -> Tab
             for row in published
         ),
     )
+
+
+def by_control(comparison: Comparison) -> Table | None:
+    """Return the errors and the shape of each control by itself; None where there is but one."""
+    if len(comparison.controls) < 2:
+        return None
+    given = [column for name in _BY_CONTROL for column in COLUMNS[name]]
+
+    def alone(row: Row, i: int) -> Row:
+        known = row.by_control and not math.isnan(row.by_control[i].sup)
+        return replace(
+            row,
+            errors=row.by_control[i] if known else None,
+            total_variation=row.total_variation[i : i + 1],
+            ringing=None if row.ringing is None else row.ringing[i : i + 1],
+            state_error=None,
+            switching_errors=(),
+        )
+
+    rows = tuple(
+        replace(alone(row, i), method=f"{control.name} by {row.method}")
+        for i, control in enumerate(comparison.controls)
+        for row in comparison.rows
+    )
+    return _table(replace(comparison, rows=rows, published=()), "Each control", given)
 
 
 def called(row: Row) -> str:

@@ -67,7 +67,6 @@ def draw_curve(axes: Axes, curve: Curve) -> None:
     several = len(curve.lines) > 1
     style = "steps-post" if curve.steps else "default"
     drawn: list[Artist] = []
-    _mark(axes, curve.marks)
     bar(axes, curve.arcs)
     shade(axes, curve.shades)
     for i, line in enumerate(curve.lines):
@@ -75,6 +74,7 @@ def draw_curve(axes: Axes, curve: Curve) -> None:
         drawn += axes.plot(curve.times, line.values, color=colour, label=name, drawstyle=style)
         if line.known is not None:
             axes.plot(curve.times, line.known, "--", color=KNOWN, linewidth=1.2, label="reference")
+    _mark(axes, curve.marks)
     low, high = _range(curve)
     for bound in sorted({b for line in curve.lines for b in (line.lower, line.upper)}):
         if low - _reach(curve, low, high) <= bound <= high + _reach(curve, low, high):

@@ -95,8 +95,8 @@ def _lengths(axes: Axes, solution: Solution, how: Refinement) -> None:
 def _costs(axes: Axes, solution: Solution, how: Refinement) -> None:
     last = how.rounds[-1].resimulated_cost
     for name, colour, values in (
-        ("re-simulated", COLOURS[0], [one.resimulated_cost for one in how.rounds[:-1]]),
         ("of the program", COLOURS[4], [one.cost for one in how.rounds]),
+        ("re-simulated", COLOURS[0], [one.resimulated_cost for one in how.rounds[:-1]]),
     ):
         away = np.abs(np.array(values) - last)
         _by_mesh(axes, np.where(away > _ROUNDING * abs(last), away, np.nan), name, colour)

@@ -109,7 +109,7 @@ def blur(junctions: tuple[Junction, ...], size: Array, horizon: float) -> float:
 def _difference(one: Solution, other: Solution, times: Array, size: Array) -> float:
     """Return the largest difference of two controls, the horizon of the other one fitted."""
     if not times.size:
-        return 0.0
+        return math.nan
     fractions = (times - one.times[0]) / (one.times[-1] - one.times[0])
     there = other.times[0] + fractions * (other.times[-1] - other.times[0])
     return float((np.abs(one.control(times) - other.control(there)) / size).max(initial=0.0))

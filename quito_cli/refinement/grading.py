@@ -42,6 +42,7 @@ def graded(mesh: Mesh, wanted: Array, shortest: float, most: int, points: Array)
         wide = np.maximum(factor * wanted, shortest) + GROWTH * way
         return np.asarray(wide.min(axis=1))
 
+    wanted = np.minimum(wanted, _between(mesh, points))
     found = lengths(1.0)
     if _counted(edges, found).sum() > most:
         low, high = 1.0, 1.0 / shortest
@@ -54,6 +55,16 @@ def graded(mesh: Mesh, wanted: Array, shortest: float, most: int, points: Array)
     number = max(min(round(reached[-1]), most), len(points) + 1, 2)
     nodes = _placed(np.linspace(0.0, reached[-1], number + 1), reached, edges, found)
     return Mesh(_through(nodes, points))
+
+
+def _between(mesh: Mesh, points: Array) -> Array:
+    """Return the lengths that points close to each other want at the cells they are in, (N,)."""
+    found = np.full(mesh.cells, np.inf)
+    inner = np.unique(np.concatenate([[0.0], points, [1.0]]))
+    near = np.minimum(np.append(np.inf, np.diff(inner)), np.append(np.diff(inner), np.inf))
+    cells, _ = mesh.locate(inner)
+    np.minimum.at(found, cells, near)
+    return found
 
 
 def _slopes(edges: Array, lengths: Array) -> Array:

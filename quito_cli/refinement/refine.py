@@ -108,13 +108,15 @@ def refine(
         best, alone = steps[_best(steps, limits)], len(steps) == 1
         check = solve_on(best.moved if alone else best.solution.mesh, 2 * substeps, best.solution)
         if check.status is Status.INTERRUPTED:
-            return _broken(check, steps, limits)
+            said = f"{ended or ''} The check with twice the substeps was interrupted.".strip()
+            kept = _finished(steps, limits, said, None, check)
+            return replace(kept, status=Status.INTERRUPTED)
         if not check.success:
             said = f"The check with twice the substeps did not end well: {check.status.value}"
             return _finished(steps, limits, f"{ended or ''} {said}".strip(), None, check)
         beside = check if alone else _beside(best, steps)
         found = account(best.solution, beside, check, best.errors)
-        resolved = alone or found.substeps <= limits.tolerance
+        resolved = alone or not found.substeps > limits.tolerance
         if ended is not None and (resolved or len(steps) + 2 > limits.rounds):
             return _finished(steps, limits, ended, found, check)
         checked = resolved
@@ -179,7 +181,7 @@ def _reason(steps: list[_Step], limits: Limits) -> str | None:
         solution = steps[0].solution
         smooth = not solution.junctions and bends(solution, ENDS) <= SMOOTH * tolerance
         if smooth and steps[0].errors.sum() <= SMOOTH_STATES * tolerance:
-            return "The control is smooth, and the first mesh resolves it."
+            return "The control is smooth: another mesh changes it no more than the estimate says."
         return all_tried if limits.rounds == 1 else None
     before = records[-2]
     narrow = last.blur <= tolerance or last.blur > STANDS * before.blur
@@ -217,11 +219,12 @@ def _broken(solution: Solution, steps: list[_Step], limits: Limits) -> Solution:
     if not steps:
         return solution
     cells, status = len(solution.times) - 1, solution.status
-    said = f"The solve on mesh {len(steps) + 1}, of {cells} cells, ended: {status.value}"
+    said = f"The solve on mesh {len(steps) + 1}, of {cells} cells, "
+    interrupted = status is Status.INTERRUPTED
+    said += "was interrupted." if interrupted else f"ended: {status.value}"
     kept = _finished(steps, limits, said, None)
     sentence = f"the mesh was not refined to the end: {said[0].lower()}{said[1:]}"
     evidence = replace(kept.evidence, warnings=(*kept.evidence.warnings, sentence))
-    interrupted = status is Status.INTERRUPTED
     return replace(kept, evidence=evidence, status=status if interrupted else kept.status)
 
 

@@ -110,7 +110,10 @@ def _read_refinement(group: h5py.Group) -> Refinement:
         for i in range(len(group["round"]))
     )
     account = _read_account(group["account"]) if "account" in group else None
-    return Refinement(rounds, int(group.attrs["kept"]), str(group.attrs["outcome"]), account)
+    kept = int(group.attrs["kept"])
+    if not 0 <= kept < len(rounds):
+        raise ValueError("the mesh that was kept is none of those there are")
+    return Refinement(rounds, kept, str(group.attrs["outcome"]), account)
 
 
 def _read_account(group: h5py.Group) -> Account:

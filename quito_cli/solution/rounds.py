@@ -74,7 +74,7 @@ class Account:
     @property
     def control(self) -> float:
         """One figure: the estimated error of û outside jumps, over its range."""
-        return max(self.meshes, self.substeps, self.bounds)
+        return float(np.max([self.meshes, self.substeps, self.bounds]))  # NaN if one is not known
 
     @property
     def time_left_out(self) -> float:

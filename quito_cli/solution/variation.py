@@ -26,7 +26,7 @@ FLOOR = 3e-4
 """Second differences of this fraction of the span are seen by nobody."""
 STILL = 0.1
 """Of its size: a control that moves by less is judged as if it moved by as much."""
-NOTHING = 1e-4
+NOTHING = 1e-3
 """Of its bounds: a control is judged as if it moved by as much, where it is zero but for noise."""
 
 
@@ -47,14 +47,17 @@ def ringing_index(
         bound: size of the larger of its finite bounds; zero where there is none.
     """
     size = float(np.abs(samples).max())
-    span = max(float(np.ptp(samples)), STILL * size, NOTHING * bound)
+    own = float(np.ptp(samples))
+    span = max(own, STILL * size, NOTHING * bound)
     if span == 0.0:
         return 0.0
     smooth = _running_mean(samples, 4 * width) if reference is None else reference
-    calm = ~_jump_zones(smooth, width, JUMP * span)[1:-1]
+    calm = ~_jump_zones(smooth, width, JUMP * own)[1:-1]
     energy = float(np.sum(np.diff(samples, 2)[calm] ** 2))
     expected = float(np.sum(np.diff(smooth, 2)[calm] ** 2))
-    return energy / max(expected, float(calm.sum()) * (FLOOR * span) ** 2, np.finfo(float).tiny)
+    return energy / max(
+        expected, float(calm.sum()) * (FLOOR * span) ** 2, float(np.finfo(float).tiny)
+    )
 
 
 def _running_mean(samples: Array, width: int) -> Array:

@@ -1,0 +1,41 @@
+"""Options that several commands take, each with its help."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from quito_cli.solve import Options
+
+GeneratingFunction = Annotated[
+    str | None,
+    typer.Option(
+        "--generating-function",
+        help="gaussian, laguerre4, laguerre6, hermite10, trigonometric or sech; or the paper's "
+        f"number, 1 to 6. [default: {Options.generating_function}]",
+        show_default=False,
+    ),
+]
+Steps = Annotated[
+    int | None,
+    typer.Option("-N", "--steps", help=f"Control cells. [default: {Options.steps}]"),
+]
+Substeps = Annotated[
+    int | None,
+    typer.Option(help=f"Integration steps in each cell. [default: {Options.substeps}]"),
+]
+Tolerance = Annotated[
+    float | None, typer.Option(help=f"Of the solver. [default: {Options.tolerance:g}]")
+]
+MaxIterations = Annotated[
+    int | None, typer.Option(help=f"Of the solver. [default: {Options.max_iterations}]")
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="Set a constant, or a value by its path (states.x1.upper=2); may be repeated.",
+    ),
+]
