@@ -119,7 +119,7 @@ class Look:
         horizon = self.panels.times[-1] - self.panels.times[0]
         moved = SLIGHT * horizon * np.maximum(self.sizes[1], self.least_costates / horizon)
         local = np.maximum(self.sizes[2], self.pulled(moved))
-        return np.maximum(local, LOCAL * local.max(axis=0, initial=0.0))
+        return np.asarray(np.maximum(local, LOCAL * local.max(axis=0, initial=0.0)))
 
     def pulled(self, moved: Array) -> Array:
         """Return what changes of costates (P, n_x) do to H_u at most, (P, n_u)."""
