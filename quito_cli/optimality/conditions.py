@@ -161,12 +161,10 @@ def hamiltonian(look: Look) -> Iterator[Condition]:
     yield judged(
         name,
         off,
-        float(look.sizes[0].max()),
+        look.power,
         t,
         PLAIN,
-        lambda: (
-            look.explained.drift * float(look.sizes[0].max()) + blurred(look) + unfollowed(look)
-        ),
+        lambda: look.explained.drift * look.power + blurred(look) + unfollowed(look),
         "H",
     )
 

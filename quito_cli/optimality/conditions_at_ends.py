@@ -46,7 +46,7 @@ def transversal(look: Look) -> Iterator[Condition]:
     names = labels(m.states)
     yield from _end("initial", ends.initial, of_x0, x[0], m.initial, size, names, look, 0)
     yield from _end("final", ends.final, of_xf, x[-1], m.final, size, names, look, -1)
-    whole = np.array([float(look.sizes[0].max())])
+    whole = np.array([look.power])
     for name, freedom, value, instant, k in (
         ("initial time", ends.initial_time, of_t0, m.initial_time, 0),
         ("final time", ends.final_time, of_tf, m.final_time, -1),

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from quito_cli.optimality.dilation import dilated, positive
 from quito_cli.optimality.flow import explained
-from quito_cli.optimality.panels import Panels
+from quito_cli.optimality.panels import Panels, substeps
 from quito_cli.solution.junctions import width
 from quito_cli.transcription.control import ControlBasis
 
@@ -42,8 +42,8 @@ class Explained:
     def local_errors(self) -> tuple[Array, Array]:
         """How fast the scheme errs in x and λ by theory, a unit of time, (P, n_x) each."""
         options, given = self.look.solution.options, self.look.panels
-        order = ORDERS.get(options["discretization"], 4)
-        steps = 1 if given.collocated else int(options["substeps"])
+        order = 1 if options.get("degree") == 1 else ORDERS.get(options["discretization"], 4)
+        steps = 1 if given.collocated else substeps(self.look.solution)
         args = (self.look.carrier, self.look.solution, given, self.look.impulses, order, steps)
         by_x, by_costate = (dilated(e / given.lengths[:, None], 2) for e in explained(*args))
         if order < 4:  # costates are those of the adjoint scheme, whose errors are others
@@ -85,10 +85,10 @@ class Explained:
         if look.panels.collocated:
             u = look.panels.controls(look.solution, np.array([0.0, 0.5, 1.0])) / look.spans
             found = np.maximum(found, np.abs(u[:, 1] - (u[:, 0] + u[:, 2]) / 2))
-        elif isinstance(basis, ControlBasis) and basis.function.cellwise:
+        elif not isinstance(basis, ControlBasis) or basis.function.cellwise:
             u = look.flow.u / look.spans
             found = np.maximum(found, np.abs(np.diff(u, axis=0, prepend=u[[0]])) / 2)
-        elif isinstance(basis, ControlBasis) and not basis.function.scaled:
+        elif not basis.function.scaled:
             found = np.maximum(found, look.bends / 8)
         return dilated(found, width(basis))
 

@@ -20,11 +20,11 @@ from quito_cli.optimality.controls import Controls, controls
 from quito_cli.optimality.crossings import sharpened
 from quito_cli.optimality.dilation import dilated, positive
 from quito_cli.optimality.explained import Explained
-from quito_cli.optimality.flow import Carrier, Flow, Impulses, flow
+from quito_cli.optimality.flow import LEAST_STEPS, Carrier, Flow, Impulses, flow
 from quito_cli.optimality.hamiltonian import Point, Pontryagin, sampled
 from quito_cli.optimality.impulses import impulses
 from quito_cli.optimality.marks import Looked, at_bounds, marked
-from quito_cli.optimality.panels import Panels, panels
+from quito_cli.optimality.panels import Panels, panels, substeps
 from quito_cli.optimality.pressing import pressed_gradient
 from quito_cli.optimality.probes import Probe
 from quito_cli.problem.model import labels
@@ -43,7 +43,7 @@ PRESSES = 1e-3
 """What a multiplier does to λ' or H_u, beside the size of their terms, that is not nothing."""
 STEEP = 0.02
 """Second differences of û over its range, above which the cells do not show what it does."""
-NOTHING = 1e-6
+NOTHING = 1e-5
 """Part of the cost that is none: solvers are asked for less than a thousandth of that."""
 LOCAL = 1e-3
 """Part of the largest size that is one everywhere."""
@@ -73,7 +73,7 @@ class Look:
             TooLargeError: the Hamiltonian is too long to be worked on.
         """
         given, probe, carrier = panels(solution), Probe(system), Carrier(system)
-        steps = 2 if given.collocated else max(4, 2 * int(solution.options["substeps"]))
+        steps = 2 if given.collocated else max(LEAST_STEPS, 2 * substeps(solution))
         struck = impulses(system, solution, given, steps)
         carried = flow(carrier, solution, given, struck, steps)
         found = controls(system, probe)
@@ -117,9 +117,9 @@ class Look:
         One that is zero on an arc has the size that it would move to in a part of the horizon.
         """
         horizon = self.panels.times[-1] - self.panels.times[0]
-        moved = SLIGHT * horizon * np.maximum(self.sizes[1], self.least_costates / horizon)
+        moved = np.maximum(SLIGHT * horizon * self.sizes[1], self.least_costates)
         local = np.maximum(self.sizes[2], self.pulled(moved))
-        return np.maximum(local, LOCAL * local.max(axis=0, initial=0.0))
+        return np.asarray(np.maximum(local, LOCAL * local.max(axis=0, initial=0.0)))
 
     def pulled(self, moved: Array) -> Array:
         """Return what changes of costates (P, n_x) do to H_u at most, (P, n_u)."""
@@ -245,6 +245,13 @@ class Look:
         """Costates smaller than this are nothing beside the cost: (n_x,)."""
         size = np.maximum(np.abs(self.panels.states).max(axis=0), 1.0)
         return np.asarray(NOTHING * max(1.0, abs(self.solution.cost)) / size)
+
+    @cached_property
+    def power(self) -> float:
+        """Size of the terms of H, over the horizon."""
+        horizon = float(self.panels.times[-1] - self.panels.times[0])
+        least = NOTHING * max(1.0, abs(self.solution.cost)) / horizon
+        return max(float(self.sizes[0].max()), least)
 
     @cached_property
     def costate_rates(self) -> Array:

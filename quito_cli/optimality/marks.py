@@ -163,17 +163,19 @@ def merged(marks: NDArray[np.int_], t: Array, brief: Array) -> list[Run]:
     A gap between two runs of one label closes; else it is left open, and the junction is in it.
     """
     runs = runs_of(marks)
-    while len(runs) > 1:
-        sizes = [(t[run.last] - t[run.first]) / brief[(run.first + run.last) // 2] for run in runs]
-        shortest = int(np.argmin(sizes))
-        if sizes[shortest] > 1:
+    kinds, first, last = (
+        np.array([getattr(run, name) for run in runs]) for name in ("label", "first", "last")
+    )
+    while len(kinds) > 1:
+        sizes = (t[last] - t[first]) / brief[(first + last) // 2]
+        k = int(np.argmin(sizes))
+        if sizes[k] > 1:
             break
-        del runs[shortest]
-        closed: list[Run] = []
-        for run in runs:
-            if closed and closed[-1].label == run.label:
-                closed[-1] = Run(run.label, closed[-1].first, run.last)
-            else:
-                closed.append(run)
-        runs = closed
-    return runs
+        inner = 0 < k < len(kinds) - 1
+        closes = inner and kinds[k - 1] == kinds[k + 1]
+        if closes:
+            last[k - 1] = last[k + 1]
+        gone = [k, k + 1] if closes else [k]
+        kinds, first, last = (np.delete(part, gone) for part in (kinds, first, last))
+    ends = zip(kinds.tolist(), first.tolist(), last.tolist(), strict=True)
+    return [Run(*run) for run in ends]

@@ -66,3 +66,8 @@ def panels(solution: Solution) -> Panels:
     starts, steps = solution.times[cells], np.diff(solution.times)[cells]
     begins, ends = (t[:-1] - starts) / steps, (t[1:] - starts) / steps
     return Panels(cells, begins, np.minimum(ends, 1.0), t, solution.state(t), adjoint.states, True)
+
+
+def substeps(solution: Solution) -> int:
+    """Return the steps of the scheme in a cell; one of a collocation of degree one."""
+    return int(solution.options.get("substeps", 1))
