@@ -369,21 +369,18 @@ def test_a_solver_that_does_not_tell_its_iterations_may_take_all(
 ) -> None:
     from dataclasses import replace
 
-    from quito_cli import on_mesh
+    allowed: list[int] = []
+    on, again = Task.on, Task.again
 
-    allowed = []
-    on = Task.on
-    monkeypatch.setattr(
-        on_mesh.Task,
-        "on",
-        lambda self, *given: (allowed.append(self.max_iterations), on(self, *given))[1],
-    )
-    again = Task.again
+    def noted(self: Task, *given: Any) -> quito.Solution:
+        allowed.append(self.max_iterations)
+        return on(self, *given)
 
     def untold(self: Task, mesh: Mesh, substeps: int, earlier: quito.Solution) -> quito.Solution:
         unknown = replace(earlier, statistics=replace(earlier.statistics, iterations=None))
         return again(self, mesh, substeps, unknown)
 
+    monkeypatch.setattr(Task, "on", noted)
     monkeypatch.setattr(Task, "again", untold)
     quito.solve("brachistochrone", mesh="adaptive", max_iterations=700)
     assert allowed == [700, 700]

@@ -199,7 +199,7 @@ def _reason(steps: list[_Step], limits: Limits) -> str | None:
     if len(records) > 3 and narrow and last.change > STANDS * records[-3].change:
         return (
             "The control still changes from mesh to mesh by more than the tolerance, and no longer "
-            "by less each time: more cells, or a larger tolerance, would be needed."
+            "by less each time: start from more cells, or take a larger tolerance."
         )
     return all_tried if len(records) >= limits.rounds else None
 
