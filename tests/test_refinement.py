@@ -119,7 +119,7 @@ def test_the_control_does_not_ring(name: str) -> None:
     assert np.all(np.array(solution.evidence.total_variation) <= 1.2 * variation)
 
 
-@pytest.mark.parametrize("name", ["rayleigh", "van_der_pol_state"])
+@pytest.mark.parametrize("name", ["rayleigh", "rayleigh_mixed", "van_der_pol_state"])
 def test_costs_of_constrained_problems(name: str) -> None:
     solution, (_, truth) = refined(name), known(name)
     assert truth.cost is not None

@@ -34,7 +34,7 @@ SHORTEST = 0.1
 """Length of the shortest cell over the square of the tolerance: L² sees a jump by its root."""
 SOUND = 1e-3
 """Gap of the states, and violation between the nodes, up to which an answer may be kept."""
-LEVEL = 10.0
+LEVEL = 4.0
 """Costs are level that differ by less than this times the square of the tolerance."""
 DOUBT = 3.0
 """A re-simulated cost may be this many times worse than it differs from that of its program."""
