@@ -31,7 +31,8 @@ counts for as little as the cell is long."""
 GRADED = 0.5
 """Shortest cell over the mean from which on a mesh counts as one of equal cells."""
 PATIENCE = 3, 100
-"""Iterations that such a solve may take: this many times those of the solve before, and some."""
+"""Iterations that such a solve may take: this many times those of the solve before, and some; of a
+solver that does not tell, as many as the first."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,7 @@ class Task:
 
         row = SOLVERS.get(self.options.solver)
         started, times, some = time.perf_counter(), *PATIENCE
+        taken = earlier.statistics.iterations
         graded = mesh.steps.min() * mesh.cells < GRADED
         task = replace(
             self,
@@ -89,9 +91,9 @@ class Task:
             own_guess=False,
             options=replace(self.options, substeps=substeps, steps=mesh.cells),
             tolerance=min(self.tolerance, REFINED_TOLERANCE) if graded else self.tolerance,
-            max_iterations=min(
-                self.max_iterations, times * (earlier.statistics.iterations or 0) + some
-            ),
+            max_iterations=self.max_iterations
+            if taken is None
+            else min(self.max_iterations, times * taken + some),
         )
         warm = earlier if row is not None and row.warm is not None else None
         return task.on(mesh, warm, time.perf_counter() - started)

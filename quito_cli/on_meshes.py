@@ -64,4 +64,5 @@ def _interrupted(earlier: Solution, mesh: Mesh) -> Solution:
 
     start, end = earlier.times[0], earlier.times[-1]
     times = start + (end - start) * mesh.fractions
-    return replace(earlier, status=Status.INTERRUPTED, times=times)
+    nothing = replace(earlier.statistics, iterations=0, build_seconds=0.0, solve_seconds=0.0)
+    return replace(earlier, status=Status.INTERRUPTED, times=times, statistics=nothing)

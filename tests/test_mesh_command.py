@@ -298,6 +298,37 @@ def test_ctrl_c_between_two_solves_stops_before_the_next(
     assert len(how.rounds) == 2
 
 
+def test_a_check_that_was_not_begun_is_not_counted(
+    quito_: Quito, here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (here / "push.yaml").write_text(SMOOTH, encoding="utf-8")
+    minimise = solvers.minimise
+
+    def pressed(*given: Any) -> Any:
+        found = minimise(*given)
+        os.kill(os.getpid(), signal.SIGINT)
+        return found
+
+    monkeypatch.setattr(solvers, "minimise", pressed)
+    assert quito_("solve", "push.yaml", "--no-plot")[0] == 130
+    solution = quito.Solution.load(here / "results" / "push.h5")
+    assert solution.refinement is not None
+    (only,) = solution.refinement.rounds
+    assert solution.statistics.iterations == only.iterations
+
+
+def test_a_solve_that_failed_is_counted(
+    quito_: Quito, here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    breaking(monkeypatch, 2, Status.STUCK)
+    assert quito_(*QUICK, "--no-plot")[0] == 0
+    solution = quito.Solution.load(here / "results" / "bang_bang.h5")
+    assert solution.refinement is not None
+    (only,) = solution.refinement.rounds
+    assert solution.statistics.iterations is not None
+    assert solution.statistics.iterations > only.iterations
+
+
 def test_blocks_within_one_another_share_a_request() -> None:
     with interruptible() as outer:
         with interruptible() as inner:

@@ -119,7 +119,7 @@ def test_the_control_does_not_ring(name: str) -> None:
     assert np.all(np.array(solution.evidence.total_variation) <= 1.2 * variation)
 
 
-@pytest.mark.parametrize("name", ["rayleigh", "van_der_pol_state"])
+@pytest.mark.parametrize("name", ["rayleigh", "rayleigh_mixed", "van_der_pol_state"])
 def test_costs_of_constrained_problems(name: str) -> None:
     solution, (_, truth) = refined(name), known(name)
     assert truth.cost is not None
@@ -316,6 +316,76 @@ def test_more_substeps_where_the_integrator_does_not_see_the_control() -> None:
     assert solution.options["substeps"] > 2
 
 
+ONE_CONTROL = """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0}}
+controls: {u: {lower: 0, upper: 1}}
+dynamics: {x: u}
+cost: {lagrange: INTEGRAND}
+"""
+
+
+def test_a_control_that_is_zero_has_no_jumps_and_little_error() -> None:
+    """u = 0 is the only minimiser of ∫u; what a solver leaves of it is no range to judge it by."""
+    solution = quito.solve(
+        load_text(ONE_CONTROL.replace("INTEGRAND", "u"), "zero.yaml"), mesh="adaptive"
+    )
+    assert not solution.junctions
+    assert solution.refinement is not None
+    assert len(solution.refinement.rounds) <= 3
+    assert solution.refinement.account is not None
+    assert solution.refinement.account.control < 1e-6
+
+
+def test_a_jump_within_the_first_cell_is_found() -> None:
+    """u = 1 from 0.003 on: on the first cells, of 0.01 each, û looks like a constant."""
+    solution = quito.solve(
+        load_text(ONE_CONTROL.replace("INTEGRAND", "u*(0.003 - t)"), "early.yaml"), mesh="adaptive"
+    )
+    assert [j.kind for j in solution.junctions] == ["jump"]
+    assert solution.switching_times == pytest.approx([0.003], abs=1e-5)
+    assert solution.evidence.resimulated_cost == pytest.approx(-(0.997**2) / 2, abs=1e-9)
+
+
+def test_jumps_that_the_cells_allowed_cannot_sharpen_are_told() -> None:
+    text = ONE_CONTROL.replace("INTEGRAND", "u*sin(20*t)")
+    solution = quito.solve(load_text(text, "many.yaml"), mesh="adaptive", mesh_steps=60)
+    how = solution.refinement
+    assert how is not None
+    assert len(solution.switching_times) == 6  # at k π / 20
+    assert how.rounds[-1].blur > 1e-3
+    assert how.outcome.endswith("With more cells, its jumps would be sharper.")
+
+
+def test_no_more_meshes_than_allowed() -> None:
+    """With this scheme the check for waves asks for more substeps once seven meshes are done."""
+    solution = quito.solve("van_der_pol", mesh="adaptive", discretization="trapezoidal")
+    assert solution.refinement is not None
+    assert len(solution.refinement.rounds) <= 8
+
+
+def test_a_solver_that_does_not_tell_its_iterations_may_take_all(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from dataclasses import replace
+
+    allowed: list[int] = []
+    on, again = Task.on, Task.again
+
+    def noted(self: Task, *given: Any) -> quito.Solution:
+        allowed.append(self.max_iterations)
+        return on(self, *given)
+
+    def untold(self: Task, mesh: Mesh, substeps: int, earlier: quito.Solution) -> quito.Solution:
+        unknown = replace(earlier, statistics=replace(earlier.statistics, iterations=None))
+        return again(self, mesh, substeps, unknown)
+
+    monkeypatch.setattr(Task, "on", noted)
+    monkeypatch.setattr(Task, "again", untold)
+    quito.solve("brachistochrone", mesh="adaptive", max_iterations=700)
+    assert allowed == [700, 700]
+
+
 # --- graded meshes --------------------------------------------------------------------------------
 
 
@@ -393,7 +463,7 @@ def test_a_jump_is_found_where_it_is(at: float, height: float, down: bool, cells
     sign = -1.0 if down else 1.0
     mesh = Mesh.uniform(cells)
     basis, c = fitted(mesh, lambda t: 0.3 * t + sign * height * (t > at))
-    (found,) = junctions(basis, mesh, c, (0.0, 1.0))
+    (found,) = junctions(basis, mesh, c, (0.0, 1.0), np.zeros(1))
     assert found.kind == "jump"
     assert abs(found.time - at) <= 1.0 / cells
     assert found.uncertainty <= 8.0 / cells
@@ -405,7 +475,7 @@ def test_a_jump_is_found_where_it_is(at: float, height: float, down: bool, cells
 def test_a_kink_is_found_where_it_is(at: float, slope: float, cells: int) -> None:
     mesh = Mesh.uniform(cells)
     basis, c = fitted(mesh, lambda t: np.sin(t) + slope * np.maximum(t - at, 0.0))
-    (found,) = junctions(basis, mesh, c, (0.0, 1.0))
+    (found,) = junctions(basis, mesh, c, (0.0, 1.0), np.zeros(1))
     assert found.kind == "kink"
     assert abs(found.time - at) <= 3.0 / cells
 
@@ -415,7 +485,7 @@ def test_a_kink_is_found_where_it_is(at: float, slope: float, cells: int) -> Non
 def test_smooth_controls_have_neither(waves: int, phase: float, trend: float, cells: int) -> None:
     mesh = Mesh.uniform(10 * waves + cells)
     basis, c = fitted(mesh, lambda t: np.sin(2 * waves * t + phase) + trend * t)
-    assert not junctions(basis, mesh, c, (0.0, 1.0))
+    assert not junctions(basis, mesh, c, (0.0, 1.0), np.zeros(1))
 
 
 def test_jumps_of_several_controls_have_their_own_times() -> None:

@@ -15,6 +15,7 @@ from quito_cli.problem.model import Model
 from quito_cli.solution.junctions import junctions
 from quito_cli.solution.resimulation import Control, resimulate
 from quito_cli.solution.trajectory import Trajectory
+from quito_cli.solution.variation import largest_bounds
 from quito_cli.transcription.control import ControlBasis
 from quito_cli.transcription.mesh import Mesh
 
@@ -187,7 +188,13 @@ def moved(model: Model, answer: quito.Solution, time: float) -> quito.Solution:
         times=times,
         basis=basis,
         costates=answer.costate(times),
-        junctions=junctions(basis, mesh, answer.coefficients, (float(start), float(end))),
+        junctions=junctions(
+            basis,
+            mesh,
+            answer.coefficients,
+            (float(start), float(end)),
+            largest_bounds(*model.control_bounds),
+        ),
         trajectory=replace_times(answer, np.interp(nodes, np.arange(len(times)), times)),
     )
     return simulated(model, wrong, answer.coefficients)

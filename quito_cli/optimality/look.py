@@ -30,6 +30,7 @@ from quito_cli.optimality.probes import Probe
 from quito_cli.problem.model import labels
 from quito_cli.solution.junctions import ranges, width
 from quito_cli.solution.optimal import Arc
+from quito_cli.solution.variation import largest_bounds
 
 if TYPE_CHECKING:
     import casadi as ca
@@ -136,7 +137,8 @@ class Look:
         lower, upper = self.system.model.control_bounds
         with np.errstate(invalid="ignore"):
             wide = upper - lower
-        return np.where(np.isfinite(wide) & (wide > 0), wide, ranges(self.flow.u))
+        moved = ranges(self.flow.u, largest_bounds(lower, upper))
+        return np.where(np.isfinite(wide) & (wide > 0), wide, moved)
 
     @cached_property
     def seen(self) -> Looked:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from quito_cli.optimality.hamiltonian import Pontryagin
 from quito_cli.solution.junctions import ranges, width
+from quito_cli.solution.variation import largest_bounds
 
 if TYPE_CHECKING:
     import casadi as ca
@@ -96,7 +97,11 @@ def marked(system: Pontryagin, seen: Looked) -> NDArray[np.int_]:
 def span(system: Pontryagin, i: int, seen: Looked) -> float:
     """Return the range of a control: between its bounds, or what it moves by."""
     low, high = (float(side[i]) for side in system.model.control_bounds)
-    return high - low if np.isfinite(high - low) and high > low else float(ranges(seen.u)[i])
+    return (
+        high - low
+        if np.isfinite(high - low) and high > low
+        else float(ranges(seen.u, largest_bounds(*system.model.control_bounds))[i])
+    )
 
 
 def determined_by_rows(system: Pontryagin) -> Flags:

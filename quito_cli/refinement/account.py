@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from quito_cli.solution.junctions import Junction, ranges
 from quito_cli.solution.rounds import Account
 from quito_cli.solution.solution import Solution
+from quito_cli.solution.variation import largest_bounds
 from quito_cli.transcription.control import ControlBasis
 from quito_cli.transcription.qualities import leading_moment, saturation
 
@@ -30,7 +31,11 @@ _FINE = 4
 
 def spread(solution: Solution) -> Array:
     """Return the range of each control, (n_u,): what its errors are relative to."""
-    return ranges(solution.control(solution.dense_times))
+    controls = solution.origin.controls
+    lower, upper = (
+        np.array([getattr(one, side) for one in controls]) for side in ("lower", "upper")
+    )
+    return ranges(solution.control(solution.dense_times), largest_bounds(lower, upper))
 
 
 def account(

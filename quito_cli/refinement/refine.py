@@ -34,7 +34,7 @@ SHORTEST = 0.1
 """Length of the shortest cell over the square of the tolerance: L² sees a jump by its root."""
 SOUND = 1e-3
 """Gap of the states, and violation between the nodes, up to which an answer may be kept."""
-LEVEL = 10.0
+LEVEL = 4.0
 """Costs are level that differ by less than this times the square of the tolerance."""
 DOUBT = 3.0
 """A re-simulated cost may be this many times worse than it differs from that of its program."""
@@ -43,6 +43,8 @@ UNSTABLE = 5.0
 SMOOTH, SMOOTH_STATES = 2.0, 0.01
 """Errors of approximation and local errors of the states, over the tolerance, up to which a control
 without jumps or kinks needs no other mesh."""
+UNLIKELY = 10.0
+"""Estimate of its error over the tolerance above which a control that looks smooth is not."""
 WAVES, FROM_ROUND = 4.0, 3
 """Variation of the coefficients over that of û, from this round on, that calls for a check."""
 STANDS = 0.8
@@ -116,11 +118,14 @@ def refine(
             return _finished(steps, limits, f"{ended or ''} {said}".strip(), None, check)
         beside = check if alone else _beside(best, steps)
         found = account(best.solution, beside, check, best.errors)
+        if alone and limits.rounds > 1 and found.control > UNLIKELY * limits.tolerance:
+            continue  # it looks smooth on these cells only
         resolved = alone or not found.substeps > limits.tolerance
-        if ended is not None and (resolved or len(steps) + 2 > limits.rounds):
+        enough = resolved or len(steps) + 2 > limits.rounds
+        if ended is not None and enough:
             return _finished(steps, limits, ended, found, check)
-        checked = resolved
-        if not resolved:  # what the integrator does not resolve, the optimiser abuses
+        checked = enough
+        if not enough:  # what the integrator does not resolve, the optimiser abuses
             substeps *= 2
             steps.append(_step(model, check, best.solution, mesh.cells, order, limits))
 
@@ -176,7 +181,9 @@ def _reason(steps: list[_Step], limits: Limits) -> str | None:
     """Return why to end here, or None to go on."""
     records, tolerance = [step.record for step in steps], limits.tolerance
     last = records[-1]
-    all_tried = f"All {limits.rounds} meshes allowed have been tried."
+    all_tried = "The one mesh allowed has been tried."
+    if limits.rounds > 1:
+        all_tried = f"All {limits.rounds} meshes allowed have been tried."
     if len(records) == 1:
         solution = steps[0].solution
         smooth = not solution.junctions and bends(solution, ENDS) <= SMOOTH * tolerance
@@ -186,11 +193,13 @@ def _reason(steps: list[_Step], limits: Limits) -> str | None:
     before = records[-2]
     narrow = last.blur <= tolerance or last.blur > STANDS * before.blur
     if narrow and last.change <= tolerance:
-        return "The control no longer changes from mesh to mesh by more than the tolerance."
+        level = "The control no longer changes from mesh to mesh by more than the tolerance."
+        wide = last.blur > tolerance and last.cells >= limits.cells
+        return f"{level} With more cells, its jumps would be sharper." if wide else level
     if len(records) > 3 and narrow and last.change > STANDS * records[-3].change:
         return (
             "The control still changes from mesh to mesh by more than the tolerance, and no longer "
-            "by less each time: more cells, or a larger tolerance, would be needed."
+            "by less each time: start from more cells, or take a larger tolerance."
         )
     return all_tried if len(records) >= limits.rounds else None
 
@@ -222,7 +231,7 @@ def _broken(solution: Solution, steps: list[_Step], limits: Limits) -> Solution:
     said = f"The solve on mesh {len(steps) + 1}, of {cells} cells, "
     interrupted = status is Status.INTERRUPTED
     said += "was interrupted." if interrupted else f"ended: {status.value}"
-    kept = _finished(steps, limits, said, None)
+    kept = _finished(steps, limits, said, None, solution)
     sentence = f"the mesh was not refined to the end: {said[0].lower()}{said[1:]}"
     evidence = replace(kept.evidence, warnings=(*kept.evidence.warnings, sentence))
     return replace(kept, evidence=evidence, status=status if interrupted else kept.status)

@@ -12,7 +12,7 @@ from quito_cli.solution.diagnosis import diagnose
 from quito_cli.solution.resimulation import Control, Resimulation, resimulate
 from quito_cli.solution.solution import Evidence
 from quito_cli.solution.trajectory import Curve
-from quito_cli.solution.variation import ringing_index, total_variation
+from quito_cli.solution.variation import largest_bounds, ringing_index, total_variation
 from quito_cli.solution.violations import (
     Dense,
     Violation,
@@ -173,8 +173,7 @@ def _ringing(model: Model, method: Method, answer: Answer) -> tuple[float, ...]:
         fractions = method.mesh.fractions[cells] + places * method.mesh.steps[cells]
         times = answer.times[0] + (answer.times[1] - answer.times[0]) * fractions
         known = Known.sample(model.known.controls, model.controls, times)
-    bounds = np.abs([model.control_bounds.lower, model.control_bounds.upper])
-    bounds = np.where(np.isfinite(bounds), bounds, 0.0).max(axis=0)
+    bounds = largest_bounds(*model.control_bounds)
     return tuple(
         ringing_index(
             u[:, i],

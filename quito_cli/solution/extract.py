@@ -25,6 +25,7 @@ from quito_cli.solution.solution import (
     Statistics,
 )
 from quito_cli.solution.trajectory import Curve, Polynomials, Trajectory
+from quito_cli.solution.variation import largest_bounds
 from quito_cli.solvers import SOLVERS, judged_at
 from quito_cli.solvers.outcome import Outcome
 from quito_cli.solvers.residuals import Residuals
@@ -93,7 +94,13 @@ def extract(
         solution,
         drawings=_drawings(model, solution),
         adjoint=adjoint,
-        junctions=junctions(method.basis, method.mesh, solution.coefficients, answer.times),
+        junctions=junctions(
+            method.basis,
+            method.mesh,
+            solution.coefficients,
+            answer.times,
+            largest_bounds(*model.control_bounds),
+        ),
     )
 
 

@@ -35,6 +35,8 @@ SLOPE = 0.5
 """A kink changes the slope by at least this many ranges a horizon."""
 HARDLY_MOVES = 0.01
 """A control that moves by less than this part of its size is judged by that."""
+NOISE = 1e-8
+"""Of its bounds: a control that is no larger is zero, but for what a solver leaves of it."""
 FADED = 0.05
 """Part of its peak to which a jump or kink has fallen where it ends."""
 ABOVE = 4.0
@@ -74,7 +76,7 @@ class Junction:
 
 
 def junctions(
-    basis: Basis, mesh: Mesh, coefficients: Array, times: tuple[float, float]
+    basis: Basis, mesh: Mesh, coefficients: Array, times: tuple[float, float], bounds: Array
 ) -> tuple[Junction, ...]:
     """Return the jumps and kinks of every control, by time.
 
@@ -83,12 +85,13 @@ def junctions(
         mesh: the cells.
         coefficients: (count, n_u).
         times: initial and final time.
+        bounds: (n_u,) the size of each control's bounds, see `ranges`.
     """
     cells, offsets = mesh.points(np.arange(_FINE) / _FINE)
     cells, offsets = np.append(cells, mesh.cells - 1), np.append(offsets, 1.0)
     fractions = mesh.fractions[cells] + offsets * mesh.steps[cells]
     u = basis.evaluate(coefficients, cells, offsets)
-    spread, most = ranges(u), _FINE * width(basis)
+    spread, most = ranges(u, bounds), _FINE * width(basis)
     start, horizon = times[0], times[1] - times[0]
     found: list[Junction] = []
     for i, size in enumerate(spread):
@@ -109,13 +112,20 @@ def junctions(
     )
 
 
-def ranges(u: Array) -> Array:
+def ranges(u: Array, bounds: Array) -> Array:
     """Return the range of each control, (n_u,), from samples (points, n_u).
 
-    A control that hardly moves is judged by its size; one that is zero, by one.
+    A control that hardly moves is judged by its size; one that is zero but for noise, by its
+    bounds; without any, by one.
+
+    Args:
+        u: samples.
+        bounds: (n_u,) the largest finite bound of each, zero where there is none.
     """
-    found = np.maximum(np.ptp(u, axis=0), HARDLY_MOVES * np.abs(u).max(axis=0, initial=0.0))
-    return np.where(found > 0, found, 1.0)
+    size = np.abs(u).max(axis=0, initial=0.0)
+    nothing = size <= NOISE * np.where(bounds > 0, bounds, 1.0)
+    found = np.maximum(np.ptp(u, axis=0), HARDLY_MOVES * size)
+    return np.where(nothing, np.where(bounds > 0, bounds, 1.0), found)
 
 
 def width(basis: Basis) -> int:

@@ -30,6 +30,12 @@ NOTHING = 1e-3
 """Of its bounds: a control is judged as if it moved by as much, where it is zero but for noise."""
 
 
+def largest_bounds(lower: Array, upper: Array) -> Array:
+    """Return the larger size of the finite bounds of each control, (n_u,); zero without any."""
+    bounds = np.abs([lower, upper])
+    return np.asarray(np.where(np.isfinite(bounds), bounds, 0.0).max(axis=0))
+
+
 def total_variation(samples: Array) -> Array:
     """Return Σ|û_{i+1} − û_i| by control, from samples (points, n_u)."""
     return np.asarray(np.abs(np.diff(samples, axis=0)).sum(axis=0))
