@@ -278,7 +278,7 @@ def _pressed(look: Look) -> Flags:
 
 
 def bounded_states(system: Pontryagin) -> Flags:
-    """Return which states have bounds: the rows of states are in this order."""
+    """Return which states have bounds, (n_x,): the rows of states are in this order."""
     lower, upper = system.model.state_bounds
     return np.asarray(np.isfinite(lower) | np.isfinite(upper))
 
