@@ -100,7 +100,7 @@ def test_constraints_have_stretches(solve: Solve, reference: Reference) -> None:
     (active,) = [a for a in solution.arcs if (a.of, a.kind) == ("x2", "active")]
     assert abs(active.start - t1) <= active.start_uncertainty < 0.1
     assert abs(active.end - t2) <= active.end_uncertainty < 0.1
-    mixed = solve("rayleigh_mixed", **ADAPTIVE)
+    mixed = solve("rayleigh_mixed")
     assert kinds(mixed.arcs, "mixed") == "active inactive active inactive"
     assert kinds(mixed.arcs, "u") == "active interior active interior"
     denham = solve("bryson_denham", **ADAPTIVE)
