@@ -7,6 +7,7 @@ from quito (see test_references and test_derivations).
 from __future__ import annotations
 
 import math
+import tracemalloc
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -414,6 +415,18 @@ def test_neighbours_grow_no_faster_than_they_may() -> None:
     assert max(ratio.max(), 1 / ratio.min()) < math.exp(GROWTH) * 1.05
     assert steps.min() == pytest.approx(1e-5, rel=0.2)
     assert steps.max() == pytest.approx(0.02, rel=0.05)
+
+
+def test_many_cells_are_graded_within_little_memory() -> None:
+    """A table of all cells over all places would take 25 GB."""
+    wanted = np.full(20_000, 1e-3)
+    wanted[7_000] = 1e-6
+    tracemalloc.start()
+    steps = graded(Mesh.uniform(20_000), wanted, 1e-7, 50_000, np.array([0.3])).steps
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 100e6
+    assert steps.min() == pytest.approx(1e-6, rel=0.2)
 
 
 def test_the_shortest_cell_is_bounded() -> None:

@@ -1,8 +1,9 @@
 """Wanted lengths -> mesh: not too short, growing no faster than neighbours may, through points.
 
 The length wanted at t is the least of all that cells want at their places and may grow to on the
-way to t: h(t) = min_k (h_k + a · |t − cell k|). Cells of that length are ∫ dt / h(t) in number;
-where that is more than allowed, all are longer by the same factor.
+way to t: h(t) = min_k (h_k + a · |t − cell k|), found by one pass from either end. Cells of that
+length are ∫ dt / h(t) in number; where that is more than allowed, all are longer by the same
+factor.
 """
 
 from __future__ import annotations
@@ -35,14 +36,16 @@ def graded(mesh: Mesh, wanted: Array, shortest: float, most: int, points: Array)
     """
     parts = mesh.fractions[:-1, None] + mesh.steps[:, None] * np.arange(_PARTS) / _PARTS
     edges = np.append(parts.ravel(), 1.0)
-    first, last = mesh.fractions[:-1], mesh.fractions[1:]
-    way = np.maximum(np.maximum(first - edges[:, None], edges[:, None] - last), 0.0)
+    wanted = np.repeat(np.minimum(wanted, _between(mesh, points)), _PARTS)
+    here = np.minimum(np.append(wanted, wanted[-1]), np.append(wanted[0], wanted))
+    rise = GROWTH * edges
 
     def lengths(factor: float) -> Array:
-        wide = np.maximum(factor * wanted, shortest) + GROWTH * way
-        return np.asarray(wide.min(axis=1))
+        wide = np.maximum(factor * here, shortest)
+        after = np.minimum.accumulate(wide - rise) + rise
+        before = np.minimum.accumulate((wide + rise)[::-1])[::-1] - rise
+        return np.asarray(np.minimum(after, before))
 
-    wanted = np.minimum(wanted, _between(mesh, points))
     found = lengths(1.0)
     if _counted(edges, found).sum() > most:
         low, high = 1.0, 1.0 / shortest

@@ -64,8 +64,8 @@ class Account:
     saturation: float
     """Of the generating function: what no mesh removes."""
     approximation: float
-    """Second differences of û in index space, outside jumps, times the second moment: the error of
-    a quasi-interpolant with û's values for coefficients."""
+    """Differences of û in index space, outside jumps, of the order of the first moment that is not
+    zero, times that moment: the error of a quasi-interpolant with û's values for coefficients."""
     integration: float
     """Sum over the cells of the local errors of the states, over their size."""
     states: float
