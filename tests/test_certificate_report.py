@@ -671,3 +671,10 @@ def test_an_answer_that_is_none_has_no_verdict(tmp_path: Path, quito_: Quito) ->
     code, out, _ = quito_("show", "results/van_der_pol.h5", "--certificate")
     assert code == 0
     assert "not applicable" in out
+
+
+def test_a_mesh_too_coarse_to_judge_is_no_good_word() -> None:
+    """On fifteen cells a jump takes as long as the arcs beside it."""
+    found = verdict(quito.solve("bressan", steps=15).certificate or ())
+    assert found.startswith("nothing is known of the control")
+    assert "--mesh adaptive" in found

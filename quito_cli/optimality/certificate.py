@@ -37,7 +37,7 @@ from quito_cli.optimality.look import Look
 from quito_cli.optimality.probes import TooLargeError
 from quito_cli.optimality.verdicts import not_applicable
 from quito_cli.problem.model import Model
-from quito_cli.solution.optimal import Condition, Extremal
+from quito_cli.solution.optimal import HAMILTONIAN, SWITCHING, Condition, Extremal
 
 if TYPE_CHECKING:
     from quito_cli.solution.solution import Solution
@@ -76,9 +76,9 @@ def certify(model: Model, solution: Solution) -> Extremal:
             rows = tuple(chain.from_iterable(test(look) for test in CONDITIONS))
     except TooLargeError:
         return _nothing("the Hamiltonian is too long to be worked on")
-    curves = {"Hamiltonian": look.point.hamiltonian}
+    curves = {HAMILTONIAN: look.point.hamiltonian}
     for i, label in enumerate(look.names):
-        curves[f"dH/d{label}"] = look.point.gradient[:, i]
+        curves[SWITCHING + label] = look.point.gradient[:, i]
     return Extremal(arcs, rows, look.flow.t, curves)
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from quito_cli.optimality.dilation import dilated
 from quito_cli.optimality.look import Look, bounded_states
 from quito_cli.optimality.verdicts import PLAIN, SHARP, SOLVED, judged, not_applicable
-from quito_cli.solution.optimal import Condition
+from quito_cli.solution.optimal import UNRESOLVED, Condition
 
 Array = NDArray[np.float64]
 
@@ -93,7 +93,7 @@ def _interior_of(look: Look, i: int) -> Condition:
     name = f"dH/du = 0 on interior arcs of {look.names[i]}"
     inside = look.clear[:, i] & (look.labels[:, i] == 0)
     if not inside.any():
-        return not_applicable(name, f"{look.names[i]} has no interior arc that the cells resolve")
+        return not_applicable(name, f"{look.names[i]} has no interior arc {UNRESOLVED}")
     curvature = np.abs(look.point.curvature[:, i, i])
     span, why = float(look.spans[i]), look.explained
     return judged(
@@ -126,7 +126,7 @@ def _sign_of(look: Look, i: int) -> Condition:
         return not_applicable(name, f"{label} has no choice")
     at_bound = look.clear[:, i] & (look.labels[:, i] != 0)
     if not at_bound.any():
-        return not_applicable(name, f"{label} has no arc at a bound that the cells resolve")
+        return not_applicable(name, f"{label} has no arc at a bound {UNRESOLVED}")
     return judged(
         name,
         np.where(at_bound, look.gradient[:, i], 0.0),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from quito_cli.optimality.conditions import accumulated
 from quito_cli.optimality.look import Look
 from quito_cli.optimality.verdicts import PLAIN, SHARP, judged, not_applicable
-from quito_cli.solution.optimal import Condition
+from quito_cli.solution.optimal import UNRESOLVED, Condition
 
 FEEDBACK = 5 * PLAIN
 """What is expected of a singular control: it is the second derivative, or a higher one, of what the
@@ -28,7 +28,7 @@ def _singular_of(look: Look, i: int) -> Condition:
     name = f"dH/du = 0 on singular arcs of {look.names[i]}"
     inside = look.clear[:, i] & (look.labels[:, i] == 0)
     if not inside.any():
-        return not_applicable(name, f"{look.names[i]} has no singular arc that the cells resolve")
+        return not_applicable(name, f"{look.names[i]} has no singular arc {UNRESOLVED}")
     return judged(
         name,
         np.where(inside, look.gradient[:, i], 0.0),

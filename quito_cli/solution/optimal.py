@@ -18,6 +18,8 @@ Kind = Literal["lower", "upper", "interior", "singular", "active", "inactive"]
 affine in it; of a constraint: active or not."""
 Verdict = Literal["holds", "holds to discretization accuracy", "fails", "not applicable"]
 
+UNRESOLVED = "that the cells resolve"
+"""What the reason of a condition says that does not apply for want of cells."""
 HAMILTONIAN, SWITCHING = "Hamiltonian", "dH/d"
 """Names of curves: the Hamiltonian; before the label of a control, its switching function."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from quito_cli.solution.optimal import Condition
+from quito_cli.solution.optimal import UNRESOLVED, Condition
 
 CAVEAT = "It certifies an extremal, not a global optimum."
 """What no certificate of necessary conditions says."""
@@ -38,11 +38,23 @@ def verdict(certificate: Sequence[Condition]) -> str:
     if failed:
         others = f"; {len(failed)} of {count} conditions fail" if len(failed) > 1 else ""
         return f"FAILS: {told(failed[0])}{others}"
+    if blind(certificate):
+        return (
+            "nothing is known of the control: its arcs are too short to be judged on these cells; "
+            "take more cells, or --mesh adaptive"
+        )
     rough = sum(one.verdict == "holds to discretization accuracy" for one in certificate)
     whole = "the one condition holds" if count == 1 else f"all {count} conditions hold"
     if not rough:
         return whole
     return f"{whole} ({f'{rough} ' if rough < count else ''}to discretization accuracy)"
+
+
+def blind(certificate: Sequence[Condition]) -> bool:
+    """Whether no condition on a control could be judged, for want of cells."""
+    rows = [one for one in certificate if "dH/du" in one.condition]
+    unresolved = any(UNRESOLVED in one.reason for one in rows)
+    return unresolved and all(one.verdict == "not applicable" for one in rows)
 
 
 def told(condition: Condition) -> str:
