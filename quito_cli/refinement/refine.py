@@ -142,9 +142,9 @@ def _waves(steps: list[_Step]) -> bool:
 
 
 def _beside(best: _Step, steps: list[_Step]) -> Solution:
-    """Return the answer before the best one, or after the first."""
+    """Return the answer after the best one, whose mesh knows more, or before the last."""
     at = steps.index(best)
-    return steps[at - 1 if at else 1].solution
+    return steps[at + 1 if at + 1 < len(steps) else at - 1].solution
 
 
 def _step(
