@@ -4,10 +4,10 @@ It ends when û changes by less than the tolerance from one mesh to the next, ou
 the jumps are that narrow in L²; or after the rounds allowed. A control that bends little, with no
 jump or kink and states that are right, is left where it is after the first, unless the estimate of
 its error says that it only looks so. Then one more answer, with twice the substeps, says what the
-integration has to do with it: too much, and refinement goes on with those. Coefficients that go up and down where û hardly does call for that answer early. The
-answer kept is the one of the lowest re-simulated cost among those whose states and conditions hold
-between the nodes, the later one where costs are level; else the one whose states are nearest to
-what its control does.
+integration has to do with it: too much, and refinement goes on with those. Coefficients that go up
+and down where û hardly does call for that answer early. The answer kept is the one of the lowest
+re-simulated cost among those whose states and conditions hold between the nodes, the later one
+where costs are level; else the one whose states are nearest to what its control does.
 """
 
 from __future__ import annotations
