@@ -174,6 +174,22 @@ def test_the_estimate_of_the_error_is_honest(reference: Reference) -> None:
     assert max(factors.values()) <= 30, factors
 
 
+def test_an_answer_that_is_not_the_last_is_held_against_a_later_one() -> None:
+    """u = tanh(200 (t − 0.4)) makes the cost zero; the first mesh misses it by far."""
+    text = ONE_CONTROL.replace("INTEGRAND", "(u - tanh(200*(t - 0.4)))^2").replace(
+        "{lower: 0, upper: 1}", "{}"
+    )
+    solution = quito.solve(load_text(text, "steep.yaml"), mesh="adaptive")
+    how = solution.refinement
+    assert how is not None
+    assert how.account is not None
+    assert (how.kept, len(how.rounds)) == (1, 3)
+    t = np.linspace(0, 1, 20_001)
+    error = np.abs(solution.control(t)[:, 0] - np.tanh(200 * (t - 0.4))) / 2
+    true = error[~within(t, how.account.left_out)].max()
+    assert true / 30 <= how.account.control <= 30 * max(true, FLOOR)
+
+
 CLOSED = (
     "alychan",
     "bang_bang",

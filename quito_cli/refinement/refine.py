@@ -2,12 +2,12 @@
 
 It ends when û changes by less than the tolerance from one mesh to the next, outside its jumps, and
 the jumps are that narrow in L²; or after the rounds allowed. A control that bends little, with no
-jump or kink and states that are right, is left where it is after the first. Then one more answer,
-with twice the substeps, says what the integration has to do with it: too much, and refinement goes
-on with those. Coefficients that go up and down where û hardly does call for that answer early. The
-answer kept is the one of the lowest re-simulated cost among those whose states and conditions hold
-between the nodes, the later one where costs are level; else the one whose states are nearest to
-what its control does.
+jump or kink and states that are right, is left where it is after the first, unless the estimate of
+its error says that it only looks so. Then one more answer, with twice the substeps, says what the
+integration has to do with it: too much, and refinement goes on with those. Coefficients that go up
+and down where û hardly does call for that answer early. The answer kept is the one of the lowest
+re-simulated cost among those whose states and conditions hold between the nodes, the later one
+where costs are level; else the one whose states are nearest to what its control does.
 """
 
 from __future__ import annotations
@@ -142,9 +142,9 @@ def _waves(steps: list[_Step]) -> bool:
 
 
 def _beside(best: _Step, steps: list[_Step]) -> Solution:
-    """Return the answer before the best one, or after the first."""
+    """Return the answer after the best one, whose mesh knows more, or before the last."""
     at = steps.index(best)
-    return steps[at - 1 if at else 1].solution
+    return steps[at + 1 if at + 1 < len(steps) else at - 1].solution
 
 
 def _step(
