@@ -352,6 +352,26 @@ def test_an_integral_whose_parts_cancel_is_judged_by_its_parts(scheme: str) -> N
     assert failing(solution.certificate) == {}
 
 
+@pytest.mark.parametrize("scheme", ["rk4", "lgr"])
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [("bryson_denham", "l: 1/9", "l: 0.12"), ("van_der_pol_state", "lower: -0.4", "lower: -0.45")],
+)
+def test_costates_that_a_bound_never_reached_bends_fail(
+    name: str, old: str, new: str, scheme: str, model: Build
+) -> None:
+    """The answer under a tighter bound of a state: nothing explains its costates, nor their jumps.
+
+    In a collocation the points of a cell are unevenly far apart, which bends no line.
+    """
+    solution = quito.solve(name, steps=60, discretization=scheme)
+    assert failing(certify(model(name), solution).certificate) == {}
+    text = quito.load(name).text
+    assert old in text
+    looser = build(load_text(text.replace(old, new), "looser.yaml"))
+    assert "costate equation" in failing(certify(looser, solution).certificate)
+
+
 def test_multipliers_of_the_wrong_sign_fail(solve: Solve, model: Build) -> None:
     solution = solve("rayleigh_mixed", steps=60)
     name = "path constraint mixed"

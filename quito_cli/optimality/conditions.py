@@ -79,9 +79,16 @@ def _struck(look: Look) -> Array:
         return np.asarray(INSIDE * share * size / h)
     total = np.einsum("pr,prx->px", path.sum(axis=1), by_x) + look.flow.bounds
     change = np.diff(total / h, axis=0, prepend=total[[0]] / h[0])
-    # Polynomials oscillate about what is not smooth.
-    waves = np.diff(look.panels.costates, 2, axis=0, prepend=look.panels.costates[[0]]) / h
-    return dilated(np.abs(change) + np.abs(waves), 2)
+    # Polynomials oscillate about what is not smooth, in their own cell and the next ones.
+    reach = 2 * int((look.panels.cells == 0).sum())
+    struck = dilated(np.abs(total).sum(axis=1, keepdims=True), reach) > 0
+    return dilated(np.abs(change) + np.where(struck, waves(look), 0.0), 2)
+
+
+def waves(look: Look) -> Array:
+    """How much the rates of costates change from one panel to the next, (P, n_x)."""
+    rates = np.diff(look.panels.costates, axis=0) / look.panels.lengths[:, None]
+    return np.abs(np.diff(rates, axis=0, prepend=rates[[0]]))
 
 
 def interior(look: Look) -> Iterator[Condition]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.optimality.conditions import blurred, unfollowed
+from quito_cli.optimality.conditions import blurred, unfollowed, waves
 from quito_cli.optimality.look import Look
 from quito_cli.optimality.transversality import Freedom, transversality
 from quito_cli.optimality.verdicts import PLAIN, judged, not_applicable
@@ -182,8 +182,7 @@ def _noise(look: Look) -> Array:
     given = look.panels
     if not given.collocated:
         return np.zeros((1, 1))
-    change = np.abs(np.diff(given.costates, 2, axis=0, prepend=given.costates[[0]]))
-    return np.asarray(change)
+    return np.asarray(waves(look) * given.lengths[:, None])
 
 
 def other_multipliers(look: Look) -> Iterator[Condition]:
