@@ -372,6 +372,16 @@ def test_costates_that_a_bound_never_reached_bends_fail(
     assert "costate equation" in failing(certify(looser, solution).certificate)
 
 
+def test_polynomials_of_degree_two_are_not_blamed_for_their_slopes(solve: Solve) -> None:
+    solution = solve("container_crane", steps=40, discretization="lgr", degree=2)
+    assert failing(solution.certificate) == {}
+
+
+def test_a_control_without_bounds_has_no_arc_there_for_that_reason(solve: Solve) -> None:
+    free = row(solve(FREE_TIME, steps=20).certificate, "sign of dH/du on arcs of u at its bounds")
+    assert (free.verdict, free.reason) == ("not applicable", "u has no bounds")
+
+
 def test_multipliers_of_the_wrong_sign_fail(solve: Solve, model: Build) -> None:
     solution = solve("rayleigh_mixed", steps=60)
     name = "path constraint mixed"
