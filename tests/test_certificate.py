@@ -311,6 +311,77 @@ def test_the_answer_to_another_problem_fails(
     assert "t = " in found[condition]
 
 
+SLACK = """
+title: Down to where a constraint lets it
+time: {initial: 0, final: 1}
+states: {x: {initial: 1}}
+controls: {u: {lower: -5, upper: 5}}
+dynamics: {x: u}
+cost: {lagrange: u^2}
+constraints:
+"""
+
+
+@pytest.mark.parametrize(
+    "constraint",
+    [
+        "  boundary: {held: final(x) <= LIMIT}",
+        "  boundary: {held: -1 <= final(x) <= LIMIT}",
+        "  integral: {held: x <= LIMIT}",
+        "  integral: {held: 0 <= x <= LIMIT}",
+        "  point: {held: {at: 0.5, holds: x <= LIMIT}}",
+        "  point: {held: {at: 0.5, holds: -1 <= x <= LIMIT}}",
+    ],
+)
+def test_a_multiplier_of_a_constraint_that_is_not_active_fails(constraint: str) -> None:
+    """The answer under a tighter constraint has a multiplier where the other has none."""
+    tight, loose = (
+        load_text(SLACK + constraint.replace("LIMIT", limit), "slack.yaml")
+        for limit in ("0.5", "0.6")
+    )
+    solution = quito.solve(tight, steps=40)
+    assert failing(solution.certificate) == {}
+    found = failing(certify(build(loose), solution).certificate)
+    assert list(found) == ["multipliers of held: sign and complementarity"]
+
+
+@pytest.mark.parametrize("scheme", ["rk4", "lgr", "trapezoidal"])
+def test_an_integral_whose_parts_cancel_is_judged_by_its_parts(scheme: str) -> None:
+    problem = load_text(SLACK.replace("u^2", "(x - t)^2 + u^2") + "  integral: {net: u == 0}", "s")
+    solution = quito.solve(problem, steps=40, discretization=scheme)
+    assert failing(solution.certificate) == {}
+
+
+@pytest.mark.parametrize("scheme", ["rk4", "lgr"])
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [("bryson_denham", "l: 1/9", "l: 0.12"), ("van_der_pol_state", "lower: -0.4", "lower: -0.45")],
+)
+def test_costates_that_a_bound_never_reached_bends_fail(
+    name: str, old: str, new: str, scheme: str, model: Build
+) -> None:
+    """The answer under a tighter bound of a state: nothing explains its costates, nor their jumps.
+
+    In a collocation the points of a cell are unevenly far apart, which bends no line.
+    """
+    solution = quito.solve(name, steps=60, discretization=scheme)
+    assert failing(certify(model(name), solution).certificate) == {}
+    text = quito.load(name).text
+    assert old in text
+    looser = build(load_text(text.replace(old, new), "looser.yaml"))
+    assert "costate equation" in failing(certify(looser, solution).certificate)
+
+
+def test_polynomials_of_degree_two_are_not_blamed_for_their_slopes(solve: Solve) -> None:
+    solution = solve("container_crane", steps=40, discretization="lgr", degree=2)
+    assert failing(solution.certificate) == {}
+
+
+def test_a_control_without_bounds_has_no_arc_there_for_that_reason(solve: Solve) -> None:
+    free = row(solve(FREE_TIME, steps=20).certificate, "sign of dH/du on arcs of u at its bounds")
+    assert (free.verdict, free.reason) == ("not applicable", "u has no bounds")
+
+
 def test_multipliers_of_the_wrong_sign_fail(solve: Solve, model: Build) -> None:
     solution = solve("rayleigh_mixed", steps=60)
     name = "path constraint mixed"

@@ -259,6 +259,7 @@ def test_all_bundled_problems_have_a_page(name: str, latex: bool) -> None:
         assert text.count("{") == text.count("}")
         assert text.count(r"\begin{") == text.count(r"\end{")
         assert not re.search(r"_(\w|\{[^{}]*\})_", text)  # LaTeX: "double subscript"
+        assert not re.search(r"\^\{\([^()]*\)\}\^", text)  # LaTeX: "double superscript"
         assert r"\text{}" not in text.replace(r"\text{} \quad", "")
 
 
@@ -289,6 +290,11 @@ def test_the_page_of_van_der_pol() -> None:
         ("van_der_pol_state", ["C = dS/dt = u + μ x₂ − x₁ − μ x₁² x₂, of order 1"]),
         ("minimum_time", ["H(t_f) = −1, the time within its bounds"]),
         ("strongest_column", ["∫ ∂H/∂load dt = 1, the parameter within its bounds"]),
+        (
+            "strongest_column",
+            ["νᵥₒₗᵤₘₑ is ≥ 0 with the integral at an upper bound, ≤ 0 at a lower one, 0 between"],
+        ),
+        ("robot_path", ["∂H/∂u + η ∂C/∂u = 0 for the other controls between their bounds"]),
         ("goddard", ["D = D₀ v² exp(−β (h − 1))"]),
     ],
 )
@@ -353,6 +359,17 @@ def test_a_problem_that_has_the_letters_itself() -> None:
     assert "∂ℋ/∂H" in page(given)
     assert "ς" in page(given)
     assert r"\mathcal{H}" in page(given, latex=True)
+
+
+def test_a_constant_may_be_called_as_a_multiplier_usually_is() -> None:
+    """Van der Pol's mu is no multiplier: that of the constraint has a letter of its own."""
+    first = "dλ/dt = −∂H/∂x, less η ∂C/∂x where a constraint is active"
+    assert first in page("van_der_pol_state")
+    given = small(
+        "constants: {eta: 2, C: 3}\ncontrols: {u: {}}\ndynamics: {x: eta*u, y: C*x}\n"
+        "cost: {lagrange: u^2}\nconstraints: {path: {p: x + u <= 1}}"
+    )
+    assert first.replace("η", "χ").replace("C", "𝒞") in page(given)
 
 
 def test_several_boundary_constraints_have_multipliers_of_their_own() -> None:

@@ -63,6 +63,10 @@ INSIDE = 0.05
 """Part of an impulse that a scheme's interpolation inside a cell may lead elsewhere."""
 
 
+ROUGH = 2
+"""Degree of a collocation at most, of which costates' rates are right to first order only."""
+
+
 def _struck(look: Look) -> Array:
     """How far costates are known where multipliers act, a unit of time; (P, n_x).
 
@@ -79,9 +83,18 @@ def _struck(look: Look) -> Array:
         return np.asarray(INSIDE * share * size / h)
     total = np.einsum("pr,prx->px", path.sum(axis=1), by_x) + look.flow.bounds
     change = np.diff(total / h, axis=0, prepend=total[[0]] / h[0])
-    # Polynomials oscillate about what is not smooth.
-    waves = np.diff(look.panels.costates, 2, axis=0, prepend=look.panels.costates[[0]]) / h
-    return dilated(np.abs(change) + np.abs(waves), 2)
+    # Polynomials oscillate about what is not smooth, in their own cell and the next ones.
+    degree = int((look.panels.cells == 0).sum())
+    struck = dilated(np.abs(total).sum(axis=1, keepdims=True), 2 * degree) > 0
+    if degree <= ROUGH:
+        struck[:] = True
+    return dilated(np.abs(change) + np.where(struck, waves(look), 0.0), 2)
+
+
+def waves(look: Look) -> Array:
+    """How much the rates of costates change from one panel to the next, (P, n_x)."""
+    rates = np.diff(look.panels.costates, axis=0) / look.panels.lengths[:, None]
+    return np.abs(np.diff(rates, axis=0, prepend=rates[[0]]))
 
 
 def interior(look: Look) -> Iterator[Condition]:
@@ -122,7 +135,10 @@ def _sign_of(look: Look, i: int) -> Condition:
     name = f"sign of dH/du on arcs of {label} at its bounds"
     if look.controls.kinds[i] == "absent":
         return not_applicable(name, f"H does not depend on {label}")
-    if look.system.model.control_bounds.fixed[i]:
+    bounds = look.system.model.control_bounds
+    if not np.isfinite([bounds.lower[i], bounds.upper[i]]).any():
+        return not_applicable(name, f"{label} has no bounds")
+    if bounds.fixed[i]:
         return not_applicable(name, f"{label} has no choice")
     at_bound = look.clear[:, i] & (look.labels[:, i] != 0)
     if not at_bound.any():

@@ -7,12 +7,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.optimality.conditions import blurred, unfollowed
+from quito_cli.optimality.conditions import blurred, unfollowed, waves
 from quito_cli.optimality.look import Look
 from quito_cli.optimality.transversality import Freedom, transversality
 from quito_cli.optimality.verdicts import PLAIN, judged, not_applicable
-from quito_cli.problem.model import Bounds, labels
+from quito_cli.problem.model import Bounds, Constraint, labels
 from quito_cli.solution.optimal import Condition
+from quito_cli.solution.violations import Dense, integral_size, violations
 
 Array = NDArray[np.float64]
 AT_END = 1e-4
@@ -143,10 +144,11 @@ def path_multipliers(look: Look) -> Iterator[Condition]:
     yield from _state_bounds(look)
 
 
-def _wrong(multipliers: Array, values: Array, bounds: Bounds) -> Array:
+def _wrong(multipliers: Array, values: Array, bounds: Bounds, size: Array | None = None) -> Array:
     """Return what of multipliers has the wrong sign, or is away from its bound by its size."""
     lower, upper = bounds
-    size = np.maximum(np.ptp(values, axis=0), 1e-3 * np.abs(values).max(axis=0))
+    if size is None:
+        size = np.maximum(np.ptp(values, axis=0), 1e-3 * np.abs(values).max(axis=0))
     size = np.where(size > 0, size, 1.0)
     with np.errstate(invalid="ignore"):
         distance = np.where(multipliers > 0, upper - values, values - lower)
@@ -180,34 +182,64 @@ def _noise(look: Look) -> Array:
     given = look.panels
     if not given.collocated:
         return np.zeros((1, 1))
-    change = np.abs(np.diff(given.costates, 2, axis=0, prepend=given.costates[[0]]))
-    return np.asarray(change)
+    return np.asarray(waves(look) * given.lengths[:, None])
 
 
 def other_multipliers(look: Look) -> Iterator[Condition]:
-    """Of boundary, integral and point constraints: sign, and zero between bounds."""
-    m = look.system.model
-    for kind, group in (
-        ("boundary", m.constraints.boundary),
-        ("integral", m.constraints.integral),
-        ("point", m.constraints.point),
-    ):
-        for constraint in group:
-            name = f"multipliers of {constraint.name}: sign and complementarity"
-            if constraint.bounds.fixed.all():
-                yield not_applicable(name, "an equality may have any")
-                continue
-            values = look.solution.multipliers[f"{kind} constraint {constraint.name}"].ravel()
-            signed = np.where(np.isinf(constraint.bounds.upper), np.maximum(values, 0), 0.0)
-            signed -= np.where(np.isinf(constraint.bounds.lower), np.minimum(values, 0), 0.0)
-            size = max(float(np.abs(values).max()), 1e-6)
-            yield judged(name, signed[None, :], size, look.panels.times[[-1]], PLAIN, lambda: 0.0)
+    """Of boundary, integral and point constraints: sign, and zero away from their bounds."""
+    return (_multiplier_of(look, *one) for one in _values(look))
+
+
+def _multiplier_of(
+    look: Look, kind: str, constraint: Constraint, value: Array, size: Array
+) -> Condition:
+    name = f"multipliers of {constraint.name}: sign and complementarity"
+    lower, upper = constraint.bounds
+    if constraint.bounds.fixed.all():
+        return not_applicable(name, "an equality may have any")
+    values = look.solution.multipliers[f"{kind} constraint {constraint.name}"].reshape(1, -1)
+    # What is beyond a bound is a matter of feasibility.
+    wrong = _wrong(values, np.clip(value, lower, upper), constraint.bounds, size)
+    largest = max(float(np.abs(values).max()), 1e-6)
+    t = look.panels.times
+    time = t[[-1]] if constraint.at is None else t[[0]] + constraint.at * (t[-1] - t[0])
+    return judged(
+        name, wrong, largest, time, PLAIN, lambda: look.explained.drift * largest, "the multiplier"
+    )
+
+
+def _values(look: Look) -> Iterator[tuple[str, Constraint, Array, Array]]:
+    """Give each boundary, integral and point constraint with its kind, value and size, (rows,)."""
+    m, given, f, p = look.system.model, look.panels, look.flow, look.solution.parameters
+    x, t = given.states, given.times
+    stacked = [np.array(v).ravel() for v in m.boundary_values(x[0], t[0], x[-1], t[-1], p)]
+    at = 0
+    for constraint in m.constraints.boundary:
+        own = slice(at, at + len(constraint.bounds.lower))
+        at = own.stop
+        sizes = np.maximum(stacked[1][own], _limits(constraint))
+        yield "boundary", constraint, stacked[0][own], sizes
+    along = Dense(f.t, f.x, f.u, p)
+    for constraint, value in zip(m.constraints.integral, f.integrals[1:], strict=True):
+        sizes = np.maximum(integral_size(m, along, constraint)[0], _limits(constraint))
+        yield "integral", constraint, np.array([value]), sizes
+    for constraint in m.constraints.point:
+        assert constraint.at is not None
+        k = int(np.argmin(np.abs(t - (t[0] + constraint.at * (t[-1] - t[0])))))
+        j = min(k, len(f.t) - 1)  # the panel that begins there, or the last one
+        u = given.controls(look.solution, np.array([0.0, 1.0]))[j, k - j]
+        found = Dense(t[[k]], x[[k]], u[None, :], p).values(m, constraint)
+        yield "point", constraint, found[0][0], np.maximum(found[1][0], _limits(constraint))
+
+
+def _limits(constraint: Constraint) -> Array:
+    """Return the larger of a constraint's bounds in size, (rows,); 0 where there are none."""
+    sizes = [np.where(np.isfinite(bound), np.abs(bound), 0.0) for bound in constraint.bounds]
+    return np.asarray(np.maximum(*sizes))
 
 
 def feasibility(look: Look) -> Iterator[Condition]:
     """Bounds, end conditions and constraints, at the nodes and between them."""
-    from quito_cli.solution.violations import Dense, violations
-
     f, given, p = look.flow, look.panels, look.solution.parameters
     ends = given.controls(look.solution, np.array([0.0, 1.0]))
     u = np.empty((2 * len(f.t) + 1, f.u.shape[1]))

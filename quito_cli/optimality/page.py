@@ -107,11 +107,8 @@ def _adjoint(setting: Setting) -> Iterator[Line]:
     rows = any(row.value.numel() for row in of.system.rows)
     extra: Sequence[str | Piece] = ()
     if rows:
-        extra = (
-            ", less ",
-            setting.maths("∂(μᵀc)/∂x", r"\partial(\mu^{\top} c)/\partial x"),
-            " where constraints are active",
-        )
+        pull = setting.pull(setting.maths("x", "x"))
+        extra = (", less ", pull, " where a constraint is active")
     yield setting.say(rule, *extra)
     n = of.system.model.n_x
     shown = min(n, MOST_LINES)

@@ -111,7 +111,7 @@ def _affine(setting: Setting, i: int, interior: tuple[int, ...], *, arcs: bool) 
     u, sigma = setting.control(i), setting.letter("sigma")
     if several:
         text, name = setting.joined(sigma), setting.joined(u)
-        sigma = setting.maths(f"{text}({name})", rf"{text}^{{({name})}}")
+        sigma = setting.maths(f"{text}({name})", rf"{{{text}^{{({name})}}}}")
     slope = setting.slope(setting.letter("H"), u)
     value = setting.one(system.switching[i])
     left = Piece((f"{setting.joined(sigma)} = {setting.joined(slope)}",))

@@ -36,18 +36,19 @@ def constraint_lines(setting: Setting) -> Iterator[Line]:
 def _general(setting: Setting) -> Iterator[Line]:
     """Write what is the same on all arcs."""
     state = any(not row.mixed for row in setting.of.system.rows)
-    eta = setting.letter("eta")
     c, s = setting.letter("C"), setting.letter("S")
-    pull = setting.slope(c, setting.maths("x", "x"))
+    x, u = setting.maths("x", "x"), setting.maths("u", "u")
     zero = Piece((f"{setting.joined(c)} = 0",))
     yield setting.say("where a constraint is active, ", zero, " determines a control;")
     yield setting.say(c, " is its value less the bound")
     if state:
         first = ("or, where no control is in that difference ", s, ", the first derivative of ", s)
         yield setting.say(*first, " with one")
-    yield setting.say(
-        setting.adjoint, setting.maths(" − ", " - "), eta, setting.maths(" ", r"\,"), pull
-    )
+    yield setting.say(setting.adjoint, setting.maths(" − ", " - "), setting.pull(x))
+    if setting.of.system.model.n_u > 1:
+        slope, zero = setting.slope(setting.letter("H"), u), setting.maths(" = 0", " = 0")
+        words = " for the other controls between their bounds"
+        yield setting.say(slope, setting.maths(" + ", " + "), setting.pull(u), zero, words)
     if state:
         costate = setting.maths("λ", r"\lambda")
         words = " and its derivatives before that vanish, and "
@@ -123,7 +124,13 @@ def end_lines(setting: Setting) -> Iterator[Line]:
     if m.constraints.boundary:
         omega = setting.maths("ω", r"\omega")
         yield setting.say("with a multiplier ", omega, " for each boundary constraint: its sign is")
-        yield setting.say("≥ 0 at an upper bound, ≤ 0 at a lower one, and any where it is equal")
+        yield setting.say(
+            "≥ 0 at an upper bound, ≤ 0 at a lower one, 0 between, and any where it is equal"
+        )
+    for name, constraint in zip(setting.of.integrals, m.constraints.integral, strict=True):
+        if not constraint.bounds.fixed.all():
+            words = " is ≥ 0 with the integral at an upper bound, ≤ 0 at a lower one, 0 between"
+            yield setting.say(setting.named(name), words)
     if m.constraints.point:
         yield setting.say("the costates jump at the times of point constraints, along their slopes")
     whole = ca.vertcat(setting.of.system.hamiltonian, *(r.value for r in setting.of.system.rows))

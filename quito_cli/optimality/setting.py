@@ -101,6 +101,11 @@ class Setting:
         a, b = self._text(above), self._text(below)
         return self.maths(f"∂{a}/∂{b}", rf"\partial {a}/\partial {b}")
 
+    def pull(self, below: Piece) -> Piece:
+        """Write what a constraint's multiplier does, η ∂C/∂x."""
+        slope = self.slope(self.letter("C"), below)
+        return Piece((self.joined(self.letter("eta"), self.maths(" ", r"\,"), slope),))
+
     @cached_property
     def adjoint(self) -> Piece:
         """dλ/dt = −∂H/∂x."""

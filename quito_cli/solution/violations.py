@@ -119,7 +119,16 @@ def _all(model: Model, dense: Dense, integrals: Array) -> Iterator[Violation]:
         at = rows.stop
     for constraint, value in zip(model.constraints.integral, integrals[1:], strict=True):
         integral = np.array([[value]])
-        yield _constraint(constraint, times[last], integral, np.abs(integral))
+        yield _constraint(
+            constraint, times[last], integral, integral_size(model, dense, constraint)
+        )
+
+
+def integral_size(model: Model, dense: Dense, constraint: Constraint) -> Array:
+    """Return the integral of an integrand's size, (1, 1): terms may cancel, as where ∫u dt = 0."""
+    sizes = dense.values(model, constraint)[1]
+    steps = np.diff(dense.times)[:, None] / 2
+    return np.asarray(((sizes[1:] + sizes[:-1]) * steps).sum(axis=0, keepdims=True))
 
 
 def _bounds(
