@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -212,13 +212,19 @@ def sampled(
     for value, rows in zip(given, shapes, strict=True):
         array = np.zeros(rows) if value is None else np.asarray(value, float)
         columns.append(np.broadcast_to(array.reshape(-1, rows) if rows else (), (n, rows)).T)
-    found = function.map(n).call(columns)
+    found = _mapped(function, n).call(columns)
     results = []
     for i, output in enumerate(found):
         shape = function.size_out(i)
         stacked = np.array(output).reshape(shape[0], n, shape[1])
         results.append(np.moveaxis(stacked, 1, 0).reshape(n, shape[0] * shape[1]))
     return results
+
+
+@lru_cache(maxsize=16)
+def _mapped(function: ca.Function, points: int) -> ca.Function:
+    """Return a function over so many points: making it takes as long as calling it."""
+    return function.map(points)
 
 
 def pontryagin(model: Model, constants: NamedConstants | None = None) -> Pontryagin:
