@@ -10,11 +10,17 @@ cells of length h makes an error of h^(p+1).
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.problem.model import Model
 from quito_cli.solution.solution import Solution
+from quito_cli.transcription.schemes import SCHEMES, Step
+
+if TYPE_CHECKING:
+    import casadi as ca
 
 Array = NDArray[np.float64]
 
@@ -104,28 +110,36 @@ def local_errors(model: Model, solution: Solution) -> Array:
 
 def _carried(model: Model, solution: Solution, steps: int) -> tuple[Array, Array]:
     """Return states (n_x, N) at the ends of the cells, and integrals (n_q, N) over them."""
-    mesh, N = solution.mesh, len(solution.times) - 1
-    h = np.diff(solution.times) / steps
-    f = model.right_hand_side.map(N)
-    p = np.tile(solution.parameters[:, None], (1, N))
+    cells = np.arange(solution.mesh.cells)
+    h, each = np.diff(solution.times) / steps, _step(model).map(len(cells))
+    p = np.tile(solution.parameters[:, None], (1, len(cells)))
     u = [
-        solution.basis.evaluate(solution.coefficients, np.arange(N), np.full(N, i / (2 * steps)))
+        solution.basis.evaluate(
+            solution.coefficients, cells, np.full(len(cells), i / (2 * steps))
+        ).T
         for i in range(2 * steps + 1)
     ]
-    x, q = solution.state(solution.times[:-1]).T, np.zeros((model.n_q, N))
-
-    def slopes(x: Array, i: int) -> tuple[Array, Array]:
-        t = solution.times[:-1] + h * i / 2
-        xdot, integrands = f(x, u[i].T, p, t)
-        return np.array(xdot), np.array(integrands)
-
-    with np.errstate(invalid="ignore", over="ignore"):
-        for j in range(steps):
-            k1, q1 = slopes(x, 2 * j)
-            k2, q2 = slopes(x + h / 2 * k1, 2 * j + 1)
-            k3, q3 = slopes(x + h / 2 * k2, 2 * j + 1)
-            k4, q4 = slopes(x + h * k3, 2 * j + 2)
-            x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-            q = q + h / 6 * (q1 + 2 * q2 + 2 * q3 + q4)
-    assert mesh.cells == N
+    x, q = solution.state(solution.times[:-1]).T, np.zeros((model.n_q, len(cells)))
+    for j in range(steps):
+        t = solution.times[:-1] + h * j
+        x, integrals = map(np.array, each(x, *u[2 * j : 2 * j + 3], p, t, h))
+        q = q + integrals
     return x, q
+
+
+def _step(model: Model) -> ca.Function:
+    """Return (x, û at start, middle and end, p, t, h) ↦ (x, integrals) a step of rk4 later."""
+    import casadi as ca
+
+    x, p, u = ca.SX.sym("x", model.n_x), ca.SX.sym("p", model.n_p), ca.SX.sym("u", model.n_u, 3)
+    t, h = ca.SX.sym("t"), ca.SX.sym("h")
+
+    def f(x: ca.SX, u: ca.SX, t: ca.SX) -> tuple[ca.SX, ca.SX]:
+        xdot, integrands = model.right_hand_side(x, u, p, t)
+        return xdot, integrands
+
+    controls = ca.horzsplit(u)
+    after, integrals = SCHEMES["rk4"].residual(
+        Step(f, x, ca.SX.zeros(model.n_x), (), controls, t, h)
+    )
+    return ca.Function("step", [x, *controls, p, t, h], [after, integrals])
