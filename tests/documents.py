@@ -1,14 +1,42 @@
-"""What the tests of README and guide share: their blocks, and the command line in this process."""
+"""What tests of pages and of commands share: blocks of pages, and the commands in this process."""
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 from dataclasses import dataclass
+from typing import Any
 
 import pytest
 
 from quito_cli.cli.app import main
+
+COMMANDS = (
+    "solve",
+    "compare",
+    "check",
+    "list",
+    "show",
+    "new",
+    "plot",
+    "generating-functions",
+    "solvers",
+    "schema",
+)
+
+
+@dataclass(frozen=True)
+class Ran:
+    """What is left of a run."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def json(self) -> Any:
+        return json.loads(self.out)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import json
 import os
 import pty
 import re
@@ -23,6 +22,7 @@ from typing import Any
 
 import h5py
 import pytest
+from documents import COMMANDS, Ran
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -36,20 +36,6 @@ from quito_cli.solvers.outcome import Status
 ROOT = Path(__file__).parent.parent
 ACCEPTED = ROOT / "tests" / "problems" / "accepted"
 BUNDLED = sorted(path.stem for path in (ROOT / "problems").glob("*.yaml"))
-COMMANDS = (
-    *(
-        "solve",
-        "compare",
-        "check",
-        "list",
-        "show",
-        "new",
-        "plot",
-        "generating-functions",
-        "solvers",
-    ),
-    "schema",
-)
 MAGIC = {"png": b"\x89PNG\r\n\x1a\n", "pdf": b"%PDF-", "svg": b"<?xml"}
 HEAVY = ("casadi", "h5py", "matplotlib", "numpy", "pydantic", "yaml")
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
@@ -65,19 +51,6 @@ cost: {lagrange: u^2}
 """u = 1 and J = 1."""
 TOO_FAR = PUSH.replace("final: 1}}", "final: 5}}")
 """With |u| <= 3, x ends at 3 at most: 2 are missing."""
-
-
-@dataclass(frozen=True)
-class Ran:
-    """What is left of a run."""
-
-    code: int
-    out: str
-    err: str
-
-    @property
-    def json(self) -> Any:
-        return json.loads(self.out)
 
 
 Quito = Callable[..., Ran]

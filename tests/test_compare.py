@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from documents import run
+from documents import Ran, run
 
 import quito_cli as quito
 from quito_cli.comparison.compare import FINER, OF_OUR_ROW
@@ -58,19 +56,6 @@ controls: {u: {lower: -9, upper: 9}}
 dynamics: {x: u - x^3}
 cost: {lagrange: u^2}
 """
-
-
-@dataclass(frozen=True)
-class Ran:
-    """What is left of a run."""
-
-    code: int
-    out: str
-    err: str
-
-    @property
-    def json(self) -> Any:
-        return json.loads(self.out)
 
 
 Compare = Callable[..., Ran]

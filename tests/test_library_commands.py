@@ -14,7 +14,6 @@ import sys
 import tempfile
 import termios
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from unicodedata import normalize
@@ -24,6 +23,7 @@ import jsonschema
 import numpy as np
 import pytest
 import yaml
+from documents import Ran
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -92,15 +92,6 @@ published        steps  error norm
 pencil           10     0.25
 A better pencil  -      0.001
 """
-
-
-@dataclass(frozen=True)
-class Ran:
-    """What is left of a run."""
-
-    code: int
-    out: str
-    err: str
 
 
 Quito = Callable[..., Ran]

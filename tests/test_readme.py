@@ -9,7 +9,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 import xarray
-from documents import code_spans, run
+from documents import COMMANDS, code_spans, run
 
 import quito_cli as quito
 from quito_cli.cli.solve import INTERRUPTED
@@ -22,20 +22,6 @@ from quito_cli.solve import Options
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-COMMANDS = (
-    *(
-        "solve",
-        "compare",
-        "check",
-        "list",
-        "show",
-        "new",
-        "plot",
-        "generating-functions",
-        "solvers",
-    ),
-    "schema",
-)
 
 
 def marked(mark: str) -> str:
