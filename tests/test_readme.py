@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from quito_cli.cli.solve import INTERRUPTED
 from quito_cli.comparison.table import COLUMNS
 from quito_cli.errors import GateError, QuitoError
 from quito_cli.problem.language.functions import FUNCTIONS
-from quito_cli.problem.options import DiscretizationName, FileOptions
+from quito_cli.problem.options import FileOptions
 from quito_cli.problem.schema import Problem
 from quito_cli.solve import Options
 
@@ -205,7 +205,7 @@ def test_exit_codes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_comparisons_of_the_paper_run(
     helps: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """On few cells; with the collocation where there is one."""
+    """On few cells."""
     lines = marked("command: comparisons").splitlines()
     assert len(lines) == 3
     monkeypatch.chdir(tmp_path)
@@ -213,10 +213,6 @@ def test_the_comparisons_of_the_paper_run(
         _, command, problem, *options = line.split()
         assert command == "compare"
         assert (ROOT / problem).is_file()
-        if "lgr" not in get_args(DiscretizationName):
-            options = [
-                option for option in options if "lgr" not in option and "against" not in option
-            ]
         few = re.sub(r"\d+x", "3x", " ".join(options)).replace("x400", "x9").split()
         arguments = [str(ROOT / problem), *few, "-N", "12", "--no-plot", "-q"]
         assert run(["compare", *arguments], monkeypatch) == 0
