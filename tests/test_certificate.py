@@ -55,10 +55,6 @@ def failing(rows: Iterable[Condition]) -> dict[str, str]:
     return {r.condition: r.reason for r in rows if r.verdict == "fails"}
 
 
-def verdicts(rows: Iterable[Condition]) -> dict[str, str]:
-    return {r.condition: r.verdict for r in rows}
-
-
 @pytest.mark.parametrize("name", STRUCTURES)
 def test_structure_as_in_the_reference_and_nothing_fails(
     name: str, solve: Solve, reference: Reference
@@ -428,11 +424,34 @@ cost: {lagrange: abs(u)}
 """
 
 
-def test_a_kink_of_the_hamiltonian_is_where_the_control_rests(solve: Solve) -> None:
-    """Bang-off-bang: u = 0 lies between the one-sided derivatives λ − 1 and λ + 1."""
-    solution = solve(KINKED, steps=100)
-    if solution.success:
-        assert failing(solution.certificate) == {}
+def test_a_kink_of_the_hamiltonian_is_where_the_control_rests(solve: Solve, model: Build) -> None:
+    """Bang-off-bang: u = 0 lies between the one-sided derivatives λ − 1 and λ + 1.
+
+    The answer is that of u = a − b, which has no kink.
+    """
+    halves = "{a: {lower: 0, upper: 1}, b: {lower: 0, upper: 1}}"
+    parts = KINKED.replace("{u: {lower: -1, upper: 1}}", halves)
+    parts = parts.replace("v: u}", "v: a - b}").replace("abs(u)", "a + b")
+    split = solve(parts, steps=100, control="piecewise-constant")
+    like = solve(KINKED.replace("abs(u)", "u^2"), steps=100, control="piecewise-constant")
+    answer = replace(
+        split,
+        origin=like.origin,
+        evidence=like.evidence,
+        junctions=like.junctions,
+        coefficients=split.coefficients[:, :1] - split.coefficients[:, 1:],
+        extremal=None,
+    )
+    found = certify(model(KINKED), answer)
+    assert kinds(found.arcs, "u") == "lower interior upper"
+    assert failing(found.certificate) == {}
+    wrong = certify(model(KINKED), replace(answer, costates=1.5 * answer.costates))
+    assert "dH/du = 0 on singular arcs of u" in failing(wrong.certificate)
+
+
+@pytest.mark.parametrize("scheme", ["euler", "trapezoidal", "rk4"])
+def test_a_single_cell_has_a_certificate(scheme: str, solve: Solve) -> None:
+    assert solve(DECAY, steps=1, discretization=scheme).certificate
 
 
 def test_problems_without_controls_or_states_to_speak_of(solve: Solve) -> None:

@@ -128,7 +128,7 @@ def _gauss(
         last = there.size == 1 and len(found) == system.model.n_x - 1
         if last and alone and _homogeneous(system, probe, found):
             return found, slopes[int(there[0])]
-        i = _pivot(probe, slopes, there)
+        i = _pivot(slopes, there)
         others = [j for j in there.tolist() if j != i]
         rest = sum((slopes[j] * system.costate[j] for j in others), ca.SX(0))
         rest = rest if alone else rest + offset
@@ -160,7 +160,7 @@ def _homogeneous(system: Pontryagin, probe: Probe, found: dict[int, ca.SX]) -> b
     )
 
 
-def _pivot(probe: Probe, slopes: ca.SX, there: NDArray[np.int_]) -> int:
+def _pivot(slopes: ca.SX, there: NDArray[np.int_]) -> int:
     """Choose a number if there is one, else the coefficient of the fewest operations."""
     import casadi as ca
 

@@ -61,6 +61,8 @@ class Explained:
         Of order 2, how much that change does.
         """
         f, p, nu = self.look.flow, self.look.solution.parameters, self.look.impulses.integral
+        if len(f.t) == 1:  # with no other panel, all of λ' may be a change
+            return np.abs(self.look.point.adjoint)
         here = self.look.point.adjoint[:-1]
         moves = [
             self.look.system.along(f.t[:-1], x, costate, f.u[:-1], p, nu=nu).adjoint - here

@@ -104,11 +104,6 @@ class Carrier:
         outputs = [stacked, *(ca.jacobian(stacked, v) for v in (m.x, m.u, m.p))]
         return self.system.function("rows", [ca.densify(output) for output in outputs])
 
-    @property
-    def path_rows(self) -> int:
-        """Rows that are no bounds of states."""
-        return sum(not row.state for row in self.system.rows)
-
     def rows_at(self, t: Array, x: Array, u: Array, p: Array) -> tuple[Array, Array, Array, Array]:
         """Return values (points, rows) and derivatives (points, rows, n) in x, u, p."""
         m, count = self.system.model, len(self.system.rows)

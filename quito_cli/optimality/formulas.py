@@ -101,7 +101,7 @@ class Formulas:
             above, below = reader.algebra.fraction(value, number(1))
             if len(below) == 1 or len(writer.quotient(above, below)) <= LINE:
                 return None, None
-            return self._piece(writer.text(above)), self._piece(writer.text(below))
+            return self.piece(writer.text(above)), self.piece(writer.text(below))
         except UNREADABLE:
             return None, None
 
@@ -111,7 +111,7 @@ class Formulas:
             reader = Reader(self.names)
             (value,) = reader.read(self.inputs, expression)
             above, _ = reader.algebra.fraction(value, number(1))
-            return self._piece(self._writer(reader).factors(above))
+            return self.piece(self._writer(reader).factors(above))
         except UNREADABLE:
             return None
 
@@ -144,8 +144,8 @@ class Formulas:
     def _safely(self, reader: Reader, writer: Writer, value: Sum, together: bool) -> Piece | None:
         try:
             if together:
-                return self._piece(writer.quotient(*reader.algebra.fraction(value, number(1))))
-            return self._piece(writer.text(value))
+                return self.piece(writer.quotient(*reader.algebra.fraction(value, number(1))))
+            return self.piece(writer.text(value))
         except UNREADABLE:
             return None
 
@@ -153,15 +153,12 @@ class Formulas:
         k = self.system.constants.names
         return Writer(reader, [*k, *self.costates, *self.names], self.costates)
 
-    def _piece(self, text: str) -> Piece | None:
+    def piece(self, text: str) -> Piece | None:
+        """Write a formula of the language; None where it is none, or too long."""
         try:
             return formula(self.notation, parse(text))
         except ExpressionError:
             return None
-
-    def piece(self, text: str) -> Piece | None:
-        """Write a formula of the language; None where it is none, or too long."""
-        return self._piece(text)
 
 
 def formulas(problem: Problem, system: Pontryagin, ends: Transversality, latex: bool) -> Formulas:

@@ -2,8 +2,8 @@
 
 Conditions hold along arcs. Around a junction û is the answer's blur of a jump or kink, so that as
 many cells as a jump takes are left out on either side, and so is where û bends too much for its
-cells. What is small is so beside the terms that it
-is made of: H_u beside |L_u| + Σ|λ_j f_j,u|, and likewise H_x and H.
+cells. What is small is so beside the terms that it is made of: H_u beside |L_u| + Σ|λ_j f_j,u|, and
+likewise H_x and H.
 """
 
 from __future__ import annotations
@@ -62,6 +62,8 @@ class Look:
     solution: Solution
     panels: Panels
     impulses: Impulses
+    carrier: Carrier
+    """The functions that carry an answer."""
     flow: Flow
     probe: Probe
     controls: Controls
@@ -78,17 +80,12 @@ class Look:
         struck = impulses(system, solution, given, steps)
         carried = flow(carrier, solution, given, struck, steps)
         found = controls(system, probe)
-        return cls(system, solution, given, struck, carried, probe, found)
+        return cls(system, solution, given, struck, carrier, carried, probe, found)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Labels of the controls."""
         return labels(self.system.model.controls)
-
-    @cached_property
-    def carrier(self) -> Carrier:
-        """The functions that carry an answer."""
-        return Carrier(self.system)
 
     @cached_property
     def point(self) -> Point:

@@ -36,8 +36,6 @@ class Transversality:
     system: Pontryagin
     boundary_multipliers: ca.SX
     """ω of the rows of all boundary constraints, stacked, (rows, 1)."""
-    boundary_bounds: Bounds
-    """Of these rows: ω is 0 where a row is between them."""
     initial: tuple[Freedom, ...]
     """By entry of x, at the initial time: `range` includes bounds on the state."""
     final: tuple[Freedom, ...]
@@ -99,15 +97,10 @@ def transversality(system: Pontryagin) -> Transversality:
     import casadi as ca
 
     m = system.model
-    boundary = m.constraints.boundary
-    lower, upper = (
-        np.concatenate([np.zeros(0), *side])
-        for side in ([c.bounds.lower for c in boundary], [c.bounds.upper for c in boundary])
-    )
+    rows = sum(len(c.bounds.lower) for c in m.constraints.boundary)
     return Transversality(
         system,
-        ca.SX.sym("omega", len(lower)),
-        Bounds(lower, upper),
+        ca.SX.sym("omega", rows),
         _freedoms(m.initial),
         _freedoms(m.final),
         _freedom(m.initial_time),

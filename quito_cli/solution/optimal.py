@@ -80,9 +80,7 @@ def all_switches(arcs: Sequence[Arc], junctions: Sequence[Junction]) -> tuple[fl
     for time, doubt in sorted(ends, key=lambda end: end[1]):
         if all(abs(time - other) > doubt + own for other, own in found):
             found.append((time, doubt))
-    known = list(found)
     for j in junctions:
-        if all(abs(j.time - time) > j.uncertainty + doubt for time, doubt in known):
+        if all(abs(j.time - time) > j.uncertainty + doubt for time, doubt in found):
             found.append((j.time, j.uncertainty))
-            known.append((j.time, j.uncertainty))
     return tuple(sorted(time for time, _ in found))
