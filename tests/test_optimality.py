@@ -333,7 +333,7 @@ def test_costates_jump_at_point_constraints_along_gradients(solve: Any) -> None:
 
 
 def test_a_regular_control_follows_along_a_singular_arc() -> None:
-    """Here w is not in σ': whether it follows inside its bounds or rests on one, σ'' is the same."""
+    """Here w is not in σ': whether it follows in its bounds or rests on one, σ'' is the same."""
     text = small(
         "controls: {u: {lower: -1, upper: 1}, w: {}}\n"
         "dynamics: {x: u + w^2, y: w - x^2}\ncost: {lagrange: x^2 + w^2 + y^2}"

@@ -44,7 +44,7 @@ FINER: Final = 4
 """Cells of the solve that is the truth, for each of ours."""
 OF_OUR_ROW: Final = (
     *("steps", "variance", "generating_function", "normalised", "control"),
-    *("discretization", "substeps", "degree", "mesh"),
+    *("discretization", "substeps", "degree", "mesh", "guess", "warm_start"),
 )
 """Options that a saved result has settled."""
 
@@ -91,7 +91,7 @@ def compare(
     others = _others(problem, methods, ours)
     name = name_of(ours)
     solution = saved or solve(problem, listener=_told(listener, name), **options)
-    answers = [(name, solution), *_solved(problem, others, ours, solution, listener)]
+    answers = [(name, solution), *_solved(problem, others, solution, listener)]
     last = answers[-1][1]
     notes: list[str] = []
     truth = None if against_self else from_reference(model)
@@ -150,7 +150,6 @@ def _named(method: str, act: Callable[[], Found]) -> Found:
 def _solved(
     problem: Problem,
     others: list[tuple[Method, dict[str, Any]]],
-    ours: Mapping[str, Any],
     solution: Solution,
     listener: Listener | None,
 ) -> list[tuple[str, Solution]]:

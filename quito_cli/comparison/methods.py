@@ -49,24 +49,13 @@ class Method:
     """Options of our solve ↦ options of this one."""
 
 
-@dataclass(frozen=True)
-class Described:
-    """A form of name, for the help."""
-
-    form: str
-    meaning: str
-
-
 METHODS: Final = (
-    Described("lgr", "Legendre-Gauss-Radau collocation on N/4 intervals of degree 4"),
-    Described("lgr:KxD", "the same on K intervals of degree D"),
-    Described("adaptive", "ours on a mesh that follows the control"),
-    Described("hermite-simpson", "collocation with piecewise linear controls, as DIRCOL has it"),
-    Described("piecewise-constant", "multiple shooting as ours, with the controls of MISER, ACADO"),
-    *(
-        Described(name, f"ours with the generating function {name}")
-        for name in get_args(GeneratingFunctionName)
-    ),
+    "lgr",
+    "lgr:KxD",
+    _ADAPTIVE,
+    "hermite-simpson",
+    "piecewise-constant",
+    *get_args(GeneratingFunctionName),
 )
 """What may be asked for. `quasi-interpolant:` may stand before a generating function."""
 
@@ -114,7 +103,7 @@ def method(name: str) -> Method:
     if name in _CLASSICAL:
         classical = _CLASSICAL[name]
         return Method(name, lambda ours: _shooting(ours, _OF_SHOOTING) | dict(classical))
-    known = [row.form for row in METHODS]
+    known = list(METHODS)
     raise UsageError(
         f"there is no method '{name}'{suggest(name, [*known, SELF])}; there are "
         f"{', '.join(known)}; and {SELF}, a finer solve as the truth"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from quito_cli.comparison.comparison import Truth
 from quito_cli.comparison.norms import grid
-from quito_cli.problem.model import Known, Model, Piece, Variable
+from quito_cli.problem.model import Known, Model
 from quito_cli.solution.solution import Solution
 from quito_cli.solution.variation import total_variation
 
@@ -37,16 +37,10 @@ def from_reference(model: Model) -> Truth | None:
         known.cost,
         known.accuracy,
         known.switching_times,
-        partial(_sampled, known.controls, model.controls),
-        partial(_sampled, known.states, model.states),
+        partial(Known.sample, known.controls, model.controls),
+        partial(Known.sample, known.states, model.states),
         tuple(sorted(ends | set(known.switching_times))),
     )
-
-
-def _sampled(
-    functions: dict[str, tuple[Piece, ...]], variables: tuple[Variable, ...], times: Array
-) -> Array:
-    return Known.sample(functions, variables, times)
 
 
 def from_solution(solution: Solution, title: str, known: Known | None = None) -> Truth:

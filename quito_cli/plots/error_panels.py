@@ -7,7 +7,7 @@ discrete Fourier transform over the frequency. The QuITO paper judges ringing by
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -210,6 +210,6 @@ def _logarithmic(
     zero = any((y <= none).any() for _, _, y in lines)
     raised = [(n, x, np.maximum(y, foot)) for n, x, y in lines]
     drawn = traces([(n, x, np.log10(y)) for n, x, y in raised], np.log10(foot), np.log10(top))
-    restored = tuple(type(t)(t.method, t.x, 10**t.y, t.rough) for t in drawn)
+    restored = tuple(replace(t, y=10**t.y) for t in drawn)
     note = "zero is drawn at the foot" if zero else ""
     return Panel(label, axis, restored, 0.8 * foot, 1.6 * top, (), zones, True, note)

@@ -1,10 +1,8 @@
 """Comparison -> plots of its trajectories: points, frames, and what a frame leaves out.
 
 A frame is made for the first method and the reference; a method that rings or diverges may reach
-as far beyond as they reach, and what is cut off is said. The control error is shown at the sample
-times of its norms, on the whole and magnified: as high as it is between the jumps. Where a line has
-more points than a plot can show, the least and the largest of each group of neighbours are drawn,
-which is the same picture.
+as far beyond as they reach, and what is cut off is said. Of a line with more points than a plot can
+show, the least and the largest of each group of neighbours are drawn: the same picture.
 """
 
 from __future__ import annotations

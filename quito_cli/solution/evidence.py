@@ -107,7 +107,7 @@ def _dense(answer: Answer, fine: Array) -> Dense:
     control, mesh = answer.control, answer.control.mesh
     cells, places = mesh.points(fine)
     cells, places = np.append(cells, mesh.cells - 1), np.append(places, 1.0)
-    fractions = mesh.fractions[cells] + places * mesh.steps[cells]
+    fractions = mesh.at(cells, places)
     times = answer.times[0] + (answer.times[1] - answer.times[0]) * fractions
     controls = control.basis.evaluate(control.coefficients, cells, places)
     return Dense(times, answer.trajectory(times), controls, answer.parameters)
@@ -170,7 +170,7 @@ def _ringing(model: Model, method: Method, answer: Answer) -> tuple[float, ...]:
     u = answer.control.basis.evaluate(answer.control.coefficients, cells, places)
     known = np.full(u.shape, np.nan)
     if model.known is not None:
-        fractions = method.mesh.fractions[cells] + places * method.mesh.steps[cells]
+        fractions = method.mesh.at(cells, places)
         times = answer.times[0] + (answer.times[1] - answer.times[0]) * fractions
         known = Known.sample(model.known.controls, model.controls, times)
     bounds = largest_bounds(*model.control_bounds)

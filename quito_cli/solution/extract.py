@@ -164,7 +164,7 @@ _BETWEEN = {"linear": _hermite, "cubic": _hermite, "polynomial": _polynomials}
 def _break_times(made: Transcription, times: tuple[float, float]) -> Array:
     mesh = made.method.mesh
     cells, offsets = mesh.points(made.method.breaks[:-1])
-    fractions = mesh.fractions[cells] + offsets * mesh.steps[cells]
+    fractions = mesh.at(cells, offsets)
     return np.asarray(times[0] + (times[1] - times[0]) * np.append(fractions, 1.0))
 
 

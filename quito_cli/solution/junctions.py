@@ -89,7 +89,7 @@ def junctions(
     """
     cells, offsets = mesh.points(np.arange(_FINE) / _FINE)
     cells, offsets = np.append(cells, mesh.cells - 1), np.append(offsets, 1.0)
-    fractions = mesh.fractions[cells] + offsets * mesh.steps[cells]
+    fractions = mesh.at(cells, offsets)
     u = basis.evaluate(coefficients, cells, offsets)
     spread, most = ranges(u, bounds), _FINE * width(basis)
     start, horizon = times[0], times[1] - times[0]

@@ -151,8 +151,7 @@ def _integrate(
     count = mesh.cells * len(begins)
     horizon = times[1] - times[0]
     h = (mesh.steps[:, None] * lengths).ravel() * horizon
-    cells, places = mesh.points(begins)
-    t = times[0] + horizon * (mesh.fractions[cells] + places * mesh.steps[cells])
+    t = times[0] + horizon * mesh.at(*mesh.points(begins))
     stages = u.reshape(count * len(_C), u.shape[1]).T
     p = np.tile(parameters[:, None], (1, count))
     y = np.append(start, np.zeros(step.size1_in(0) - len(start)))

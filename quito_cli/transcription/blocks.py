@@ -124,7 +124,7 @@ def add_control_rows(program: Program) -> None:
     cells, places = mesh.points(offsets[offsets < 1])
     cells, places = np.append(cells, mesh.cells - 1), np.append(places, 1.0)
     names = tuple(labels(model.controls)[i] for i in bounded)
-    fractions = mesh.fractions[cells] + places * mesh.steps[cells]
+    fractions = mesh.at(cells, places)
     block = program.book.add("control bounds", names, fractions, (lower[bounded], upper[bounded]))
     indices, weights = program.method.basis.weights(cells, places)
     gather = Gather(len(names), len(cells))

@@ -12,12 +12,13 @@ inside a substep take the state there from the cubic through its ends and their 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.problem.model import Constraint, Model
+from quito_cli.problem.options import PathPointsName
 from quito_cli.transcription.control import ControlBasis
 from quito_cli.transcription.guess import Guess
 from quito_cli.transcription.hermite import hermite
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     import casadi as ca
 
 Array = NDArray[np.float64]
-
+PathPoints = PathPointsName
 
 DENSE_POINTS = 10
 """Points a cell on the grid that violations and variation are looked for on."""
@@ -140,9 +141,6 @@ def points_seen(scheme: Scheme, substeps: int, cells: int) -> int:
     return cells * int((offsets < 1).sum()) + int(offsets[-1] == 1)
 
 
-PathPoints = Literal["nodes", "substeps"]
-
-
 @dataclass(frozen=True)
 class PathOutput:
     """A path constraint and the offsets (indices) at which a cell imposes it."""
@@ -218,9 +216,8 @@ def cell_functions(
         for place in output.places
     ]
     stacked = ca.vertcat(*residuals)
-    y = ca.vertcat(stacked, integrals, *values)
     return CellFunctions(
-        ca.Function("cell", [s.z, s.theta], [ca.cse(y)]),
+        ca.Function("cell", [s.z, s.theta], [ca.cse(ca.vertcat(stacked, integrals, *values))]),
         ca.Function("inner", [s.z, s.theta], [ca.horzcat(*ends)]),
         stacked.numel(),
         path,
@@ -242,17 +239,15 @@ def _integrated(
     scheme, substeps, offsets = method.scheme, method.substeps, method.offsets
     start, h = _times(s, substeps)
 
-    def f(x: ca.SX, u: ca.SX, t: ca.SX) -> tuple[ca.SX, ca.SX]:
-        xdot, integrands = model.right_hand_side(x, u, s.p, t)
-        return xdot, integrands
+    def f(x: ca.SX, u: ca.SX, t: ca.SX) -> Any:
+        return model.right_hand_side(x, u, s.p, t)
 
     x, integrals = s.x0, ca.SX.zeros(model.n_q)
     ends, residuals = [x], []
     for j in range(substeps):
         u = [s.controls[_index(offsets, (j + c) / substeps)] for c in scheme.offsets]
         if scheme.explicit:
-            nothing = ca.SX.zeros(model.n_x)
-            x, q = scheme.residual(Step(f, x, nothing, (), u, start + j * h, h))
+            x, q = scheme.residual(Step(f, x, ca.SX.zeros(model.n_x), (), u, start + j * h, h))
         else:
             after = s.x1 if j == substeps - 1 else s.own[j]
             first = substeps - 1 + j * scheme.own
@@ -301,5 +296,4 @@ def _point(
     before, after = (s.controls[_index(offsets, (j + c) / substeps)] for c in (0, 1))
     slope0 = model.right_hand_side(ends[j], before, s.p, start + j * h)[0]
     slope1 = model.right_hand_side(ends[j + 1], after, s.p, start + (j + 1) * h)[0]
-    x = hermite(ends[j], ends[j + 1], slope0, slope1, h, fraction)
-    return x, u, s.p, t
+    return hermite(ends[j], ends[j + 1], slope0, slope1, h, fraction), u, s.p, t

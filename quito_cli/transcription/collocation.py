@@ -112,7 +112,7 @@ class Collocation:
     @property
     def sampled(self) -> Mesh:
         """Guesses are asked for at all points: one cell may be the whole horizon."""
-        return Mesh(np.append(_fractions(self.mesh, self.offsets), 1.0))
+        return Mesh(np.append(self.mesh.at(*self.mesh.points(self.offsets)), 1.0))
 
     @property
     def order(self) -> int:
@@ -145,15 +145,10 @@ class Collocation:
     def add_dynamics(self, program: Program, path_points: PathPoints | None) -> Collocated:
         """Add the points to a program."""
         function = _point_function(program.model, program.layout)
-        fractions = _fractions(self.mesh, self.offsets)
+        fractions = self.mesh.at(*self.mesh.points(self.offsets))
         zero = np.zeros(program.layout.n_x)
-        rows = program.book.add(
-            "dynamics",
-            labels(program.model.states),
-            fractions,
-            (zero, zero),
-            1 / program.state_unit,
-        )
+        names, scale = labels(program.model.states), 1 / program.state_unit
+        rows = program.book.add("dynamics", names, fractions, (zero, zero), scale)
         places = _places(program.layout, self.degree)
         points = _add_points(program, self, function, rows, places, path_points)
         _add_differences(program, self.rule, rows, places)
@@ -201,11 +196,6 @@ class Collocated:
         start = gradient[self.layout.shared :][:n] - (weights * D[:, 0]) @ found[0]
         found[:, 0] = np.vstack([start, ends[:-1]])
         return np.vstack([found.reshape(-1, n), ends[-1:]])
-
-
-def _fractions(mesh: Mesh, offsets: Array) -> Array:
-    cells, places = mesh.points(offsets)
-    return np.asarray(mesh.fractions[cells] + places * mesh.steps[cells])
 
 
 def _places(layout: Layout, degree: int) -> Indices:
@@ -269,7 +259,7 @@ def _path_rows(
     everywhere = path_points != "nodes" or constraint.determines_control
     offsets = method.offsets if everywhere else method.offsets[:1]
     at_end = not constraint.uses_control
-    fractions = _fractions(method.mesh, offsets)
+    fractions = method.mesh.at(*method.mesh.points(offsets))
     released = np.zeros(len(fractions) + at_end, dtype=bool)
     settled = program.settled(constraint)
     released[0] = settled[0]

@@ -90,3 +90,7 @@ class Mesh:
         """Return cell and offset of the same offsets in every cell, cell by cell."""
         cells = np.repeat(np.arange(self.cells), len(offsets))
         return cells, np.tile(offsets, self.cells)
+
+    def at(self, cells: Indices, offsets: Array) -> Array:
+        """Return the fractions of points, (points,) each, from their cells and offsets."""
+        return np.asarray(self.fractions[cells] + offsets * self.steps[cells])

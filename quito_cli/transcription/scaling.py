@@ -90,7 +90,7 @@ def _bound_sizes(bounds: Bounds) -> Array:
 
 def constraint_scale(model: Model, constraint: Constraint, guess: Guess) -> Array:
     """Return what the rows of a constraint are multiplied by, (rows,)."""
-    arguments = _at_guess(model, guess)
+    arguments = _at_guess(guess)
     if constraint in model.constraints.boundary:
         ends = (guess.states[0], guess.times[0], guess.states[-1], guess.times[1])
         at = sum(len(c.bounds.lower) for c in _before(model.constraints.boundary, constraint))
@@ -109,7 +109,7 @@ def _before(constraints: tuple[Constraint, ...], constraint: Constraint) -> Iter
     return takewhile(lambda other: other is not constraint, constraints)
 
 
-def _at_guess(model: Model, guess: Guess) -> tuple[Array, Array, Array, Array]:
+def _at_guess(guess: Guess) -> tuple[Array, Array, Array, Array]:
     start, end = guess.times
     t = start + (end - start) * guess.fractions
     p = np.tile(guess.parameters[:, None], (1, len(t)))

@@ -94,7 +94,7 @@ def _path_rows(program: Program, method: Discretization, output: PathOutput) -> 
     constraint = output.constraint
     offsets = method.offsets[list(output.places)]
     cells, places = method.mesh.points(offsets)
-    inside = method.mesh.fractions[cells] + places * method.mesh.steps[cells]
+    inside = method.mesh.at(cells, places)
     released = np.zeros(len(inside) + 1, dtype=bool)
     if constraint.determines_control:
         ghosts = method.basis.ghosts
