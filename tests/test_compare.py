@@ -426,8 +426,10 @@ def test_an_option_of_a_solve_beside_a_result(
     )
     assert set(OF_OUR_ROW) < set(vars(Options()))
     settled: list[dict[str, Any]] = [{"degree": 5}, {"control": "piecewise-constant"}]
+    settled += [{"guess": "results/known.h5"}, {"warm_start": True}]
     for option in settled:
-        with pytest.raises(quito.UsageError, match=f"{next(iter(option))} belongs to a solve"):
+        name = next(iter(option)).replace("_", "-")
+        with pytest.raises(quito.UsageError, match=f"{name} belongs to a solve"):
             quito.compare("known.yaml", result="results/known.h5", **option)
 
 
