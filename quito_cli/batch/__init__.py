@@ -1,0 +1,1 @@
+"""Many solves: suites with expectations, sweeps, baselines, reports."""
