@@ -19,9 +19,10 @@ from quito_cli.optimality.polish.flow import inputs
 from quito_cli.optimality.polish.gauss import Gauss
 from quito_cli.optimality.polish.newton import Scales
 from quito_cli.optimality.polish.setting import Setting
-from quito_cli.optimality.polish.structure import Held, Structure
+from quito_cli.optimality.polish.structure import Held, Phase, Structure
 from quito_cli.optimality.polish.system import System
 from quito_cli.optimality.polish.unknowns import Segments, Unknowns
+from quito_cli.problem.model import Bounds
 from quito_cli.solution.solution import Solution
 
 Array = NDArray[np.float64]
@@ -56,6 +57,11 @@ class Direct:
             total = total + self.look.impulses.last[row]
         return given.times, total
 
+    def impulses(self, row: int) -> tuple[Array, Array]:
+        """Return times (P+1,) and ∫ μ dt over each panel, (P,), of a row."""
+        times, total = self.density(row)
+        return times, -np.diff(total)
+
     def adjoined(self, held: Held, start: float, end: float, t: Array) -> Array:
         """Return ζ_0 … ζ_{q−1} of a row at times of an arc, (len(t), q)."""
         order = self.setting.active(held).order or 0
@@ -71,8 +77,11 @@ class Direct:
         return np.array(found).reshape(order, len(t)).T
 
 
-def ends_of(direct: Direct) -> Ends:
-    """Decide which ends of ranges hold."""
+def ends_of(direct: Direct, structure: Structure) -> Ends:
+    """Decide which ends of ranges hold.
+
+    A state that is held at its bound at an end already has no end of a range besides.
+    """
     system, solution = direct.setting.system, direct.solution
     m, x = system.model, solution.state(solution.times[[0, -1]])
     start, end = float(solution.times[0]), float(solution.times[-1])
@@ -97,8 +106,8 @@ def ends_of(direct: Direct) -> Ends:
     p_size = np.maximum(np.abs(solution.parameters), 1.0)
     return Ends(
         system,
-        _at_ends(m.initial.lower, m.initial.upper, x[0], size),
-        _at_ends(m.final.lower, m.final.upper, x[-1], size),
+        _unheld(direct, structure.phases[0], m.initial, _at_ends(*m.initial, x[0], size)),
+        _unheld(direct, structure.phases[-1], m.final, _at_ends(*m.final, x[-1], size)),
         float(_at_ends(*_pair(m.initial_time), np.array([start]), np.array([horizon]))[0]),
         float(_at_ends(*_pair(m.final_time), np.array([end]), np.array([horizon]))[0]),
         _at_ends(*m.parameter_bounds, solution.parameters, p_size),
@@ -106,6 +115,17 @@ def ends_of(direct: Direct) -> Ends:
         boundary,
         tuple(point_values),
     )
+
+
+def _unheld(direct: Direct, phase: Phase, bounds: Bounds, found: Array) -> Array:
+    """Return values at an end without those of states that the phase there holds."""
+    system, bounded = direct.setting.system, bounded_states(direct.setting.system)
+    paths = sum(not row.state for row in system.rows)
+    states = np.flatnonzero(bounded)
+    for row, _ in phase.held:
+        if row >= paths and not bounds.fixed[states[row - paths]]:
+            found[states[row - paths]] = np.nan
+    return found
 
 
 def _pair(instant: object) -> tuple[Array, Array]:
@@ -177,7 +197,12 @@ def started(direct: Direct, system: System) -> Unknowns:
     for k, leap in enumerate(system.leaps):
         for jump in leap.jumps if leap else ():
             count = jump.values.numel()
-            if jump.held is not None and all(j != k for j, _ in structure.touches):
+            if (k, jump.held) in structure.touches:
+                assert jump.held is not None
+                times_of, own = direct.impulses(jump.held[0])
+                near = np.abs(times_of[:-1] - structure.times[k]) < 0.05 * np.ptp(times)
+                g[at] = own[near].sum()
+            elif jump.held is not None:
                 start, end = _arc(structure, k, jump.held)
                 g[at : at + count] = direct.adjoined(jump.held, start, end, np.array([start]))[0]
             at += count
@@ -267,6 +292,99 @@ def _segments(direct: Direct, system: System, k: int) -> int:
     rate = float(np.abs(np.linalg.eigvals(matrix)).max(initial=0.0))
     wanted = max(rate * (end - start) / 2, 6 * (end - start) / horizon)
     return int(np.clip(np.ceil(wanted), 1, MOST_SEGMENTS))
+
+
+@dataclass(frozen=True, eq=False)
+class Again:
+    """A solved boundary value problem, as the start of one with another structure."""
+
+    system: System
+    unknowns: Unknowns
+
+    def unknowns_of(self, system: System) -> Unknowns:
+        """Return unknowns of another structure; what it has besides is zero."""
+        old, new, given = self.system.layout, system.layout, self.unknowns.shared
+        g = np.zeros(new.count)
+        for name in ("x0", "l0", "p", "nu", "omega"):
+            g[new.place(name)] = given[old.place(name)]
+        g[new.place("T")] = system.structure.times
+        jumps = self._jumps()
+        at = new.place("pi").start
+        for k, leap in enumerate(system.leaps):
+            for jump in leap.jumps if leap else ():
+                count = jump.values.numel()
+                key = (jump.held, jump.point)
+                near = [v for t, h, v in jumps if h == key and len(v) == count
+                        and abs(t - system.structure.times[k]) < 0.1 * np.ptp(system.structure.times)]
+                if near:
+                    g[at : at + count] = near[0]
+                at += count
+        phases = tuple(self._phase(system, k, g) for k in range(len(system.structure.phases)))
+        return Unknowns(phases, g)
+
+    def _jumps(self) -> list[tuple[float, tuple[Held | None, int | None], Array]]:
+        found, at = [], self.system.layout.place("pi").start
+        times = self.unknowns.shared[self.system.layout.place("T")]
+        for k, leap in enumerate(self.system.leaps):
+            for jump in leap.jumps if leap else ():
+                count = jump.values.numel()
+                found.append((float(times[k]), (jump.held, jump.point), self.unknowns.shared[at : at + count]))
+                at += count
+        return found
+
+    def _phase(self, system: System, k: int, g: Array) -> Segments:
+        times = system.structure.times
+        start, end = times[k], times[k + 1]
+        horizon = times[-1] - times[0]
+        count = int(np.clip(np.ceil(12 * (end - start) / horizon), 2, 12))
+        count = max(count, self._density(start, end))
+        fractions = np.linspace(0.0, 1.0, count + 1)
+        inner = (fractions[:-1, None] + np.diff(fractions)[:, None] * system.method.points).ravel()
+        t = start + np.concatenate([fractions, inner]) * (end - start)
+        y, u, eta = self._at(t)
+        law, n = system.laws[k], len(fractions)
+        z = np.hstack([u[:, list(law.between)], *(eta[:, [row]] for row, _ in law.held)])
+        stages = y[n:].reshape(count, len(system.method.points), -1)
+        nodes = np.hstack([y[:n], np.zeros((n, system.beside))])
+        inner_z = z[n:].reshape(count, len(system.method.points), z.shape[1])
+        return Segments(fractions, nodes, stages, inner_z, z[0], z[n - 1])
+
+    def _density(self, start: float, end: float) -> int:
+        """Return how many segments there were between two times."""
+        count, times = 0, self.unknowns.shared[self.system.layout.place("T")]
+        for k, segments in enumerate(self.unknowns.phases):
+            nodes = times[k] + segments.fractions * (times[k + 1] - times[k])
+            middles = (nodes[1:] + nodes[:-1]) / 2
+            count += int(((middles > start) & (middles < end)).sum())
+        return count
+
+    def _at(self, t: Array) -> tuple[Array, Array, Array]:
+        """Return y, u and η of all rows at times."""
+        layout, rows = self.system.layout, len(self.system.setting.system.rows)
+        times = self.unknowns.shared[layout.place("T")]
+        inside = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
+        y = np.zeros((len(t), 2 * layout.states))
+        u, eta = np.zeros((len(t), self.system.setting.system.model.n_u)), np.zeros((len(t), rows))
+        for k, segments in enumerate(self.unknowns.phases):
+            own = np.flatnonzero(inside == k)
+            if not len(own):
+                continue
+            place = np.clip((t[own] - times[k]) / (times[k + 1] - times[k]), 0.0, 1.0)
+            j = np.clip(np.searchsorted(segments.fractions, place, side="right") - 1, 0,
+                        len(segments.stages) - 1)
+            offsets = (place - segments.fractions[j]) / np.diff(segments.fractions)[j]
+            known = np.concatenate([segments.nodes[:-1, None, : y.shape[1]], segments.stages,
+                                    segments.nodes[1:, None, : y.shape[1]]], axis=1)
+            weights = self.system.method.known.weights(offsets)
+            y[own] = np.einsum("pm,pmy->py", weights, known[j])
+            law = self.system.laws[k]
+            nearest = np.abs(offsets[:, None] - self.system.method.points).argmin(axis=1)
+            v = inputs(t[own], y[own], self.unknowns.shared, layout)
+            z, _ = law.settled(v, segments.inner[j, nearest])
+            u[own] = law.controls(z)
+            for i, (row, _) in enumerate(law.held):
+                eta[own, row] = z[:, len(law.between) + i]
+        return y, u, eta
 
 
 __all__ = ["Direct", "Gauss", "ends_of", "replace", "scales_of", "started"]

@@ -10,6 +10,7 @@ the residual says so.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,10 @@ SETTLED = 1e-12
 """Norm of residuals at which an extremal is found."""
 NEARLY = 1e-8
 """Norm at which it is found when rounding lets it fall no further."""
+NOISE = 1e-11
+"""Norm below which rounding may keep residuals from falling."""
+CREEPING = 5
+"""Steps in a row that near a solution reduce the residual by a factor alone."""
 SHORTEST = 2.0**-8
 """Damping factor below which there is no progress."""
 FAR = 0.25
@@ -51,8 +56,8 @@ class Solved:
     residuals: tuple[float, ...]
     """Before each step, and after the last."""
     converged: bool
-    worst: str
-    """The equation that is furthest from being met."""
+    slow: bool
+    """Steps shrink by a factor each, as they do where the equations have no isolated solution."""
     last: Found | None
     """The last linear solve."""
 
@@ -84,10 +89,18 @@ def iterate(system: System, start: Unknowns, scales: Scales) -> Solved:
         norms.append(about.norm)
         if stalls:
             break
-    converged = bool(about.norm <= NEARLY)
+    slow = _slow(norms)
+    converged = bool(about.norm <= NEARLY) and not slow
     if found is None and np.isfinite(about.norm):
         found = solved(about.chain, system.size, system.layout.count)
-    return Solved(about.unknowns, tuple(norms), converged, "", found)
+    return Solved(about.unknowns, tuple(norms), converged, slow, found)
+
+
+def _slow(norms: list[float]) -> bool:
+    """Whether the last steps near a solution shrank the residual by a factor alone."""
+    near = [v for v in norms if NOISE < v < 1e-2]
+    ratios = [after / before for before, after in pairwise(near)]
+    return len(ratios) >= CREEPING and min(ratios[-CREEPING:]) > 0.05
 
 
 def _damped(system: System, about: _About, found: Found, scales: Scales) -> _About | None:

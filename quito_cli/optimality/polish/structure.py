@@ -8,12 +8,13 @@ point constraints, are named besides.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from quito_cli.optimality.marks import determined_by_rows
 from quito_cli.optimality.polish.setting import Setting
@@ -28,6 +29,12 @@ Held = tuple[int, bool]
 MISALIGNED = 0.02
 """Part of the horizon by which a control's junction and that of the constraint that causes it may
 be apart in a direct answer."""
+
+
+TOUCHES = 1e-3
+"""Impulse of a state constraint, over the size of costates, that is a touch."""
+Array = NDArray[np.float64]
+Pressed = Callable[[int], tuple[Array, Array]]
 
 
 @dataclass(frozen=True)
@@ -93,11 +100,14 @@ class Structure:
         touches, points = moved(self.touches), moved(self.points)
         return Structure(phases, times, touches, points), k  # type: ignore[arg-type]
 
+    def _junction(self, time: float) -> tuple[Structure, int]:
+        """Return it with a junction at a time, and its index; the one that is there, if one is."""
+        return (self, self.times.index(time)) if time in self.times else self.cut(time)
+
     def changed(self, start: float, end: float, **parts: object) -> Structure:
         """Return it with a phase of its own between two times, with parts of it replaced."""
-        wide, last = self.cut(end)
-        wide, first = wide.cut(start)
-        last += 1
+        wide, first = self._junction(start)
+        wide, last = wide._junction(end)
         phases = tuple(
             replace(phase, **parts) if first <= k < last else phase  # type: ignore[arg-type]
             for k, phase in enumerate(wide.phases)
@@ -105,8 +115,14 @@ class Structure:
         return replace(wide, phases=phases)
 
 
-def assumed(setting: Setting, direct: Solution) -> Structure:
-    """Return the structure that the arcs of an answer show."""
+def assumed(setting: Setting, direct: Solution, pressed: Pressed) -> Structure:
+    """Return the structure that an answer shows: its arcs, and where it touches constraints.
+
+    Args:
+        setting: the problem.
+        direct: the answer.
+        pressed: row ↦ ∫ μ dt of its panels, as times (P+1,) and impulses (P,).
+    """
     m, rows = setting.system.model, setting.system.rows
     start, end = float(direct.times[0]), float(direct.times[-1])
     names = labels(m.controls)
@@ -131,7 +147,31 @@ def assumed(setting: Setting, direct: Solution) -> Structure:
         kinds = tuple(_kind(arcs, middle) for arcs in controls)
         phases.append(setting.consistent(Phase(kinds, held)))
     points = tuple((times.index(t), k) for k, t in enumerate(at_points))
-    return Structure(tuple(phases), tuple(times), (), points).merged()
+    found = Structure(tuple(phases), tuple(times), (), points).merged()
+    for i in range(len(rows)):
+        for time, held in _touched(setting, direct, i, own[i], *pressed(i)):
+            found, k = found.cut(time)
+            found = replace(found, touches=(*found.touches, (k, held)))
+    return found
+
+
+def _touched(
+    setting: Setting, direct: Solution, i: int, arcs: list[Arc], times: Array, impulses: Array
+) -> Iterable[tuple[float, Held]]:
+    """Give where a state constraint is pressed on without an arc: a touch, at its centre."""
+    near = 2 * float(np.diff(direct.times).max())
+    middles = (times[1:] + times[:-1]) / 2
+    for arc in arcs:
+        if arc.kind == "active":
+            inside = (middles > arc.start - near) & (middles < arc.end + near)
+            impulses = np.where(inside, 0.0, impulses)
+    there = np.abs(impulses) > TOUCHES * np.abs(direct.costates).max()
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], there.astype(int), [0]])))
+    for a, b in zip(edges[::2], edges[1::2], strict=True):
+        held = i, bool(impulses[a:b].sum() > 0)
+        if (setting.active(held).order or 0) >= 2:
+            weights = np.abs(impulses[a:b])
+            yield float((times[a:b] * weights).sum() / weights.sum()), held
 
 
 def _kind(arcs: list[Arc], time: float) -> Kind:
