@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from quito_cli.problem.shapes import Ball, Block
 from quito_cli.solution.junctions import Junction
 from quito_cli.solution.optimal import Arc, Condition, Extremal, Kind, Verdict
+from quito_cli.solution.polishing import Action, Polishing, PolishStatus, PolishStep
 from quito_cli.solution.rounds import Account, Refinement, Round
 from quito_cli.solution.solution import (
     Drawing,
@@ -67,6 +68,7 @@ def read(file: h5py.File) -> Solution:
         _read_junctions(file),
         _read_refinement(file["refinement"]) if "refinement" in file else None,
         _read_extremal(file["optimality"]) if "optimality" in file else None,
+        _read_polishing(file["polishing"]) if "polishing" in file else None,
     )
 
 
@@ -124,17 +126,37 @@ def _read_account(group: h5py.Group) -> Account:
 
 def _read_extremal(group: h5py.Group) -> Extremal:
     arcs, rows = _columns(group["arcs"], Arc), _columns(group["certificate"], Condition)
-    for found, possible in (
-        *((a["kind"], Kind) for a in arcs),
-        *((r["verdict"], Verdict) for r in rows),
-    ):
-        if found not in get_args(possible):
-            raise ValueError(f"{found} is none of {', '.join(get_args(possible))}")
+    _check(Kind, (arc["kind"] for arc in arcs))
+    _check(Verdict, (row["verdict"] for row in rows))
     return Extremal(
         tuple(Arc(**arc) for arc in arcs),
         tuple(Condition(**row) for row in rows),
         group["time"][:],
         {str(name): group["curves"][i] for i, name in enumerate(group["curve"].asstr()[:])},
+    )
+
+
+def _check(possible: Any, found: Iterable[str]) -> None:
+    for one in found:
+        if one not in get_args(possible):
+            raise ValueError(f"{one} is none of {', '.join(get_args(possible))}")
+
+
+def _read_polishing(group: h5py.Group) -> Polishing:
+    attributes, ends = group.attrs, np.cumsum(group["residuals"][:])
+    residuals = [tuple(map(float, part)) for part in np.split(group["residual"][:], ends)]
+    actions: list[Any] = [str(action) for action in group["action"].asstr()[:]]
+    _check(Action, actions)
+    texts = map(str, group["sentence"].asstr()[:])
+    return Polishing(
+        PolishStatus[attributes["status"]],
+        str(attributes["reason"]),
+        tuple(map(PolishStep, actions, texts, residuals)),
+        float(attributes["residual"]),
+        float(attributes["seconds"]),
+        float(attributes["cost_before"]),
+        int(attributes["segments"]),
+        int(attributes["newton_steps"]),
     )
 
 

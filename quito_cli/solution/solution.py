@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from quito_cli.problem.shapes import Ball, Block
 from quito_cli.solution.junctions import Junction
 from quito_cli.solution.optimal import Arc, Condition, Extremal, all_switches
+from quito_cli.solution.polishing import Polishing
 from quito_cli.solution.rounds import Refinement
 from quito_cli.solution.tally import doubts
 from quito_cli.solution.trajectory import Curve
@@ -186,6 +187,8 @@ class Solution:
     """How the mesh was found; None of a uniform one."""
     extremal: Extremal | None = None
     """What Pontryagin's conditions say of it; None where they were not looked at."""
+    polishing: Polishing | None = None
+    """The account of its polish; None where none was asked for."""
 
     def __post_init__(self) -> None:
         curves = [vars(curve).values() for curve in (self.trajectory, self.adjoint) if curve]

@@ -15,6 +15,8 @@
     optimality     Pontryagin's conditions: in `arcs` of which control or constraint, of which kind,
                    both ends and how uncertain they are; in `certificate` condition, residual,
                    scale, worst time, verdict, reason; Hamiltonian and switching functions by time
+    polishing      what a polish did, step by step: action, sentence, and how many of the residuals,
+                   written one after another, are of it; how it ended
     multipliers    of the nonlinear program's rows, by block
     iterations     objective, infeasibilities, barrier parameter
     statistics     cost, counts, times, and every figure of the evidence

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.solution.optimal import Arc, Condition, Extremal
+from quito_cli.solution.polishing import Polishing
 from quito_cli.solution.rounds import Refinement, Round
 from quito_cli.solution.solution import Drawing, Evidence, Solution
 from quito_cli.solution.trajectory import Polynomials, Trajectory
@@ -30,6 +31,9 @@ SENTENCES = ("warnings", "diagnosis")
 """Those that are lists of sentences."""
 OF_JUNCTIONS = ("uncertainty", "before", "after", "blur")
 """Figures of the junctions that are arrays along them."""
+
+OF_POLISHING = ("reason", "residual", "seconds", "cost_before", "segments", "newton_steps")
+"""Fields of the account of a polish that are attributes as they are."""
 
 
 class _Group:
@@ -85,6 +89,8 @@ def write(file: h5py.File, solution: Solution) -> None:
         _write_refinement(_Group(file, "refinement"), solution.refinement)
     if solution.extremal is not None:
         _write_extremal(_Group(file, "optimality"), solution.extremal)
+    if solution.polishing is not None:
+        _write_polishing(_Group(file, "polishing"), solution.polishing)
     multipliers = _Group(file, "multipliers")
     for name, values in sorted(solution.multipliers.items()):
         key = name.replace(" ", "_")
@@ -227,6 +233,20 @@ def _write_extremal(into: _Group, extremal: Extremal) -> None:
     into.axis("curve", _texts(extremal.curves))
     curves = np.array(list(extremal.curves.values()), dtype=float)
     into.data("curves", curves.reshape(len(curves), len(extremal.times)), "curve", "time")
+
+
+def _write_polishing(into: _Group, polishing: Polishing) -> None:
+    steps, attributes = polishing.steps, into.group.attrs
+    attributes["status"] = polishing.status.name
+    for name in OF_POLISHING:
+        attributes[name] = getattr(polishing, name)
+    into.axis("step", np.arange(len(steps)))
+    into.data("action", _texts(step.action for step in steps), "step")
+    into.data("sentence", _texts(step.sentence for step in steps), "step")
+    into.data("residuals", np.array([len(step.residuals) for step in steps], dtype=int), "step")
+    values = np.array([r for step in steps for r in step.residuals], dtype=float)
+    into.axis("solve", np.arange(len(values)))
+    into.data("residual", values, "solve")
 
 
 def _write_fields(into: _Group, kind: Any, values: tuple[Any, ...], axis: str) -> None:
