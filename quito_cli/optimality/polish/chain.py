@@ -34,6 +34,8 @@ class Rows:
     """(rows, m): in g."""
     right: Array
     """(rows,)."""
+    norms: Array | None = None
+    """(rows,) that they were divided by; None where they were not."""
 
 
 @dataclass(frozen=True, eq=False)

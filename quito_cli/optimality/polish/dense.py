@@ -73,8 +73,12 @@ def _piece(system: System, at: Unknowns, k: int, offsets: Array) -> Piece:
     )
     u = law.controls(settled)
     shape = t.shape
-    return Piece(t, y, settled.reshape(*shape, -1) if settled.shape[1] else np.zeros((*shape, 0)),
-                 u.reshape(*shape, -1))
+    return Piece(
+        t,
+        y,
+        settled.reshape(*shape, -1) if settled.shape[1] else np.zeros((*shape, 0)),
+        u.reshape(*shape, -1),
+    )
 
 
 def refined(system: System, at: Unknowns, scales: Scales) -> Unknowns | None:

@@ -177,8 +177,9 @@ def _violated(system: System, at: Unknowns, pieces: tuple[Piece, ...]) -> Iterat
             for start, end, worst in _runs(wrong, times):
                 says = f"{row.label} would be violated from {start:.6g} to {end:.6g}"
                 amount = float(wrong[worst])
-                yield Fault("violated", start, end, amount, says, -1, upper, (i, upper),
-                            int(phases[worst]))
+                yield Fault(
+                    "violated", start, end, amount, says, -1, upper, (i, upper), int(phases[worst])
+                )
 
 
 def _pulls(system: System, at: Unknowns, pieces: tuple[Piece, ...]) -> Iterator[Fault]:
@@ -192,9 +193,7 @@ def _pulls(system: System, at: Unknowns, pieces: tuple[Piece, ...]) -> Iterator[
             slack = SLIGHT if not system.setting.active(held).order else 1e-5
             wrong = -sign * mu / size - slack
             for start, end, worst in _runs(wrong, t):
-                says = (
-                    f"the multiplier of {row.label} has the wrong sign from {start:.6g} to {end:.6g}"
-                )
+                says = f"the multiplier of {row.label} has the wrong sign from {start:.6g} to {end:.6g}"
                 amount = float(wrong[worst])
                 yield Fault("pull", start, end, amount, says, -1, held[1], held, k)
     for leap in leaps(system, at):
@@ -291,7 +290,9 @@ def densities(
         own = {}
         for held, parts in adjoined(system, at, k, known[k]).items():
             count = piece.t.shape[1]
-            weights = system.method.known.weights(OFFSETS if count == len(OFFSETS) else system.method.known.points)
+            weights = system.method.known.weights(
+                OFFSETS if count == len(OFFSETS) else system.method.known.points
+            )
             mu = np.einsum("mj,kj->km", weights, parts[..., -1]).ravel()
             length = float(lengths(system, at)[k])
             sizes = np.abs(parts).max(axis=(0, 1))
@@ -328,7 +329,9 @@ def _curved(system: System, at: Unknowns, pieces: tuple[Piece, ...]) -> Iterator
             matrix = along(function, given)[0].reshape(len(t), count, count)
             least = np.linalg.eigvalsh((matrix + matrix.transpose(0, 2, 1)) / 2)[:, 0]
             wrong = -least / max(float(np.abs(matrix).max()), 1e-300) - SLIGHT
-            yield from _bent(wrong, t, k, "the generalised Legendre-Clebsch condition does not hold")
+            yield from _bent(
+                wrong, t, k, "the generalised Legendre-Clebsch condition does not hold"
+            )
 
 
 def _least(matrix: Array, normals: Array) -> Array:

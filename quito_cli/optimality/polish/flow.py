@@ -74,27 +74,29 @@ def linearised(
     steps = np.diff(segments.fractions)[:, None]
     h = steps * length
 
-    # F as it moves with the shared unknowns, through t, p, ν; and h with the phase's ends.
-    by_shared = np.zeros((count, s, n_y, layout.count))
-    by_shared[..., time] += slopes[..., two] * (1 - place)[..., None]
-    by_shared[..., time + 1] += slopes[..., two] * place[..., None]
-    at = two + 1
-    for name in ("p", "nu"):
-        own = layout.place(name)
-        width = own.stop - own.start
-        by_shared[..., own] += slopes[..., at : at + width]
-        at += width
-    h_by_shared = np.zeros((count, layout.count))
-    h_by_shared[:, time], h_by_shared[:, time + 1] = -steps[:, 0], steps[:, 0]
+    # What is shared enters through the phase's ends, p and ν: these are the columns of `local`.
+    p, nu = layout.place("p"), layout.place("nu")
+    local = np.r_[time, time + 1, p.start : p.stop, nu.start : nu.stop]
+    by_local = np.concatenate(
+        [
+            slopes[..., two : two + 1] * (1 - place)[..., None, None],
+            slopes[..., two : two + 1] * place[..., None, None],
+            slopes[..., two + 1 :],
+        ],
+        axis=3,
+    )
+    h_by_local = np.zeros((count, len(local)))
+    h_by_local[:, 0], h_by_local[:, 1] = -steps[:, 0], steps[:, 0]
 
     a, b = method.matrix, method.weights
-    sums = np.einsum("ij,kjy->kiy", a, rates[..., :two])
+    sums = a @ rates[..., :two]
     residuals = segments.stages - segments.nodes[:-1, None, :two] - h[..., None] * sums
-    matrix = -np.einsum("k,ij,kjxy->kixjy", h[:, 0], a, slopes[..., :two, :two])
+    weighted_slopes = (h[:, :1, None, None] * slopes[..., :two, :two])[:, None]
+    matrix = -(a[None, :, :, None, None] * weighted_slopes).transpose(0, 1, 3, 2, 4)
     matrix = matrix.reshape(count, s * two, s * two)
     matrix[:, np.arange(s * two), np.arange(s * two)] += 1.0
-    right = np.einsum("k,ij,kjxg->kixg", h[:, 0], a, by_shared[..., :two, :])
-    right += np.einsum("kix,kg->kixg", sums, h_by_shared)
+    right = np.tensordot(by_local[..., :two, :], a, axes=([1], [1])).transpose(0, 3, 1, 2)
+    right = h[:, :1, None, None] * right + sums[..., None] * h_by_local[:, None, None, :]
     columns = np.concatenate(
         [
             np.tile(np.tile(np.eye(two), (s, 1)), (count, 1, 1)),
@@ -104,17 +106,21 @@ def linearised(
         axis=2,
     )
     moved = _solved(matrix, columns)
-    stages_by_start, stages_by_shared = moved[..., :two], moved[..., two:-1]
+    stages_by_start = moved[..., :two]
 
-    total = np.einsum("i,kiy->ky", b, rates)
+    total = np.tensordot(rates, b, axes=([1], [0]))
     ends = segments.nodes[:-1] + h * total
-    weighted = np.einsum("k,i,kixy->kxiy", h[:, 0], b, slopes[..., :two])
+    weighted = (h[:, :1, None, None] * b[:, None, None] * slopes[..., :two]).transpose(0, 2, 1, 3)
     weighted = weighted.reshape(count, n_y, s * two)
     by_start = np.tile(np.eye(n_y), (count, 1, 1))
     by_start[:, :, :two] += weighted @ stages_by_start
-    ends_by_shared = weighted @ stages_by_shared
-    ends_by_shared += np.einsum("k,i,kixg->kxg", h[:, 0], b, by_shared)
-    ends_by_shared += np.einsum("kx,kg->kxg", total, h_by_shared)
+    ends_by_local = weighted @ moved[..., two:-1]
+    ends_by_local += h[:, :1, None] * np.tensordot(by_local, b, axes=([1], [0]))
+    ends_by_local += total[..., None] * h_by_local[:, None, :]
+    ends_by_shared = np.zeros((count, n_y, layout.count))
+    stages_by_shared = np.zeros((count, s * two, layout.count))
+    ends_by_shared[..., local] = ends_by_local
+    stages_by_shared[..., local] = moved[..., two:-1]
     return Linearised(
         ends + (weighted @ moved[..., -1:])[..., 0],
         by_start,

@@ -89,8 +89,11 @@ def ends_of(direct: Direct, structure: Structure) -> Ends:
     horizon = end - start
     multipliers = direct.look.impulses
     names = [c.bounds for c in m.constraints.boundary]
-    values = np.array(m.boundary_values(x[0], start, x[-1], end, solution.parameters)[0])[:, 0] \
-        if names else np.zeros(0)
+    values = (
+        np.array(m.boundary_values(x[0], start, x[-1], end, solution.parameters)[0])[:, 0]
+        if names
+        else np.zeros(0)
+    )
     boundary = _rows_at(names, values, multipliers.boundary, solution.cost)
     integrals = [c.bounds for c in m.constraints.integral]
     totals = direct.look.flow.integrals[1:]
@@ -99,8 +102,11 @@ def ends_of(direct: Direct, structure: Structure) -> Ends:
         rho = next((r for i, (_, r) in enumerate(multipliers.points) if i == k), None)
         count = len(constraint.bounds.lower)
         t = start + (constraint.at or 0.0) * horizon
-        value = np.array(m.function(constraint)(
-            solution.state([t])[0], solution.control([t])[0], solution.parameters, t))[:, 0]
+        value = np.array(
+            m.function(constraint)(
+                solution.state([t])[0], solution.control([t])[0], solution.parameters, t
+            )
+        )[:, 0]
         rho = np.zeros(count) if rho is None else rho
         point_values.append(_rows_at([constraint.bounds], value, rho, solution.cost))
     p_size = np.maximum(np.abs(solution.parameters), 1.0)
@@ -252,9 +258,7 @@ def estimate(direct: Direct, system: System, k: int, t: Array) -> Array:
     return np.hstack([x, costates])
 
 
-def multiplied(
-    direct: Direct, system: System, k: int, t: Array, y: Array, g: Array
-) -> Array:
+def multiplied(direct: Direct, system: System, k: int, t: Array, y: Array, g: Array) -> Array:
     """Return estimates of z: controls of the direct answer, multipliers that they leave."""
     law, solution = system.laws[k], direct.solution
     u = solution.control(t)[:, list(law.between)]
@@ -298,6 +302,7 @@ def _segments(direct: Direct, system: System, k: int) -> int:
 class Again:
     """A solved boundary value problem, as the start of one with another structure."""
 
+    direct: Direct
     system: System
     unknowns: Unknowns
 
@@ -314,8 +319,13 @@ class Again:
             for jump in leap.jumps if leap else ():
                 count = jump.values.numel()
                 key = (jump.held, jump.point)
-                near = [v for t, h, v in jumps if h == key and len(v) == count
-                        and abs(t - system.structure.times[k]) < 0.1 * np.ptp(system.structure.times)]
+                near = [
+                    v
+                    for t, h, v in jumps
+                    if h == key
+                    and len(v) == count
+                    and abs(t - system.structure.times[k]) < 0.1 * np.ptp(system.structure.times)
+                ]
                 if near:
                     g[at : at + count] = near[0]
                 at += count
@@ -328,16 +338,19 @@ class Again:
         for k, leap in enumerate(self.system.leaps):
             for jump in leap.jumps if leap else ():
                 count = jump.values.numel()
-                found.append((float(times[k]), (jump.held, jump.point), self.unknowns.shared[at : at + count]))
+                found.append(
+                    (
+                        float(times[k]),
+                        (jump.held, jump.point),
+                        self.unknowns.shared[at : at + count],
+                    )
+                )
                 at += count
         return found
 
     def _phase(self, system: System, k: int, g: Array) -> Segments:
-        times = system.structure.times
-        start, end = times[k], times[k + 1]
-        horizon = times[-1] - times[0]
-        count = int(np.clip(np.ceil(12 * (end - start) / horizon), 2, 12))
-        count = max(count, self._density(start, end))
+        start, end = system.structure.times[k], system.structure.times[k + 1]
+        count = max(_segments(self.direct, system, k), self._density(start, end))
         fractions = np.linspace(0.0, 1.0, count + 1)
         inner = (fractions[:-1, None] + np.diff(fractions)[:, None] * system.method.points).ravel()
         t = start + np.concatenate([fractions, inner]) * (end - start)
@@ -370,11 +383,20 @@ class Again:
             if not len(own):
                 continue
             place = np.clip((t[own] - times[k]) / (times[k + 1] - times[k]), 0.0, 1.0)
-            j = np.clip(np.searchsorted(segments.fractions, place, side="right") - 1, 0,
-                        len(segments.stages) - 1)
+            j = np.clip(
+                np.searchsorted(segments.fractions, place, side="right") - 1,
+                0,
+                len(segments.stages) - 1,
+            )
             offsets = (place - segments.fractions[j]) / np.diff(segments.fractions)[j]
-            known = np.concatenate([segments.nodes[:-1, None, : y.shape[1]], segments.stages,
-                                    segments.nodes[1:, None, : y.shape[1]]], axis=1)
+            known = np.concatenate(
+                [
+                    segments.nodes[:-1, None, : y.shape[1]],
+                    segments.stages,
+                    segments.nodes[1:, None, : y.shape[1]],
+                ],
+                axis=1,
+            )
             weights = self.system.method.known.weights(offsets)
             y[own] = np.einsum("pm,pmy->py", weights, known[j])
             law = self.system.laws[k]

@@ -127,7 +127,9 @@ def _switches(setting: Setting, before: Phase, after: Phase) -> Iterator[Conditi
         if a == b or i in spoken and "free" in (a, b):
             continue
         if a in ends and b in ends:
-            yield Condition(f"H where {setting.name(i)} switches", "before", _difference(setting, i))
+            yield Condition(
+                f"H where {setting.name(i)} switches", "before", _difference(setting, i)
+            )
         elif "free" in (a, b) and (a in ends or b in ends):
             side: Side = "before" if a in ends else "after"
             what = f"dH/d{setting.name(i)} where it meets its bound"
@@ -168,9 +170,7 @@ def _ended(setting: Setting, held: Held, before: Phase, after: Phase) -> Iterato
     yield from _ruled(setting, held, after, before, "after")
 
 
-def _ruled(
-    setting: Setting, held: Held, off: Phase, on: Phase, side: Side
-) -> Iterator[Condition]:
+def _ruled(setting: Setting, held: Held, off: Phase, on: Phase, side: Side) -> Iterator[Condition]:
     """Give the condition between a phase without a row, on `side`, and one with it.
 
     The control that is the row's on the one side tells by what it is on the other.
@@ -180,9 +180,7 @@ def _ruled(
     regular = set(setting.controls.of_kind("regular"))
     involved = [i for i in known.controls if on.kinds[i] == "free"]
     changed = [i for i in involved if off.kinds[i] != "free"]
-    multiplier = Condition(
-        f"multiplier of {label}", other, setting.system.multipliers[held[0]]
-    )
+    multiplier = Condition(f"multiplier of {label}", other, setting.system.multipliers[held[0]])
     begins_on_state = bool(known.order) and side == "before"
     if changed:
         i = changed[0]

@@ -104,7 +104,11 @@ class Law:
         system, kinds = self.setting.system, self.phase.kinds
         found = []
         arc = self.setting.singular(self.phase)
-        rows = {} if arc is None else dict(zip(arc.controls, _feedback(arc, system.model.u), strict=True))
+        rows = (
+            {}
+            if arc is None
+            else dict(zip(arc.controls, _feedback(arc, system.model.u), strict=True))
+        )
         for i in self.between:
             if kinds[i] == "singular":
                 found.append(rows[i])

@@ -46,33 +46,73 @@ def limits(system: System, at: Unknowns) -> Iterator[tuple[str, float]]:
     horizon = float(np.ptp(part["T"]))
     x_size = np.maximum(np.abs(np.vstack([first[:n], last[:n]])).max(axis=0), 1e-3)
     l_size = float(np.abs([first[n : 2 * n], last[n : 2 * n]]).max()) or 1.0
-    yield from _ranged([f"initial {v}" for v in names], m.initial.lower, m.initial.upper,
-                       ends.initial, part["x0"], slopes[0], x_size, l_size)
-    yield from _ranged([f"final {v}" for v in names], m.final.lower, m.final.upper, ends.final,
-                       last[:n], slopes[1], x_size, l_size)
+    yield from _ranged(
+        [f"initial {v}" for v in names],
+        m.initial.lower,
+        m.initial.upper,
+        ends.initial,
+        part["x0"],
+        slopes[0],
+        x_size,
+        l_size,
+    )
+    yield from _ranged(
+        [f"final {v}" for v in names],
+        m.final.lower,
+        m.final.upper,
+        ends.final,
+        last[:n],
+        slopes[1],
+        x_size,
+        l_size,
+    )
     power = max(abs(energies[0]), abs(energies[1]), 1e-3)
     for name, instant, value, k in (
         ("initial time", m.initial_time, ends.initial_time, 0),
         ("final time", m.final_time, ends.final_time, -1),
     ):
-        yield from _ranged([name], np.array([instant.lower]), np.array([instant.upper]),
-                           np.array([value]), part["T"][[k]], slopes[2 if k == 0 else 3],
-                           np.array([horizon]), power)
-    yield from _ranged(list(labels(m.parameters)), *m.parameter_bounds, ends.parameters, part["p"],
-                       slopes[4], np.maximum(np.abs(part["p"]), 1e-3),
-                       float(np.abs(slopes[4]).max(initial=1e-3)))
+        yield from _ranged(
+            [name],
+            np.array([instant.lower]),
+            np.array([instant.upper]),
+            np.array([value]),
+            part["T"][[k]],
+            slopes[2 if k == 0 else 3],
+            np.array([horizon]),
+            power,
+        )
+    yield from _ranged(
+        list(labels(m.parameters)),
+        *m.parameter_bounds,
+        ends.parameters,
+        part["p"],
+        slopes[4],
+        np.maximum(np.abs(part["p"]), 1e-3),
+        float(np.abs(slopes[4]).max(initial=1e-3)),
+    )
     boundary = m.constraints.boundary
     values = np.array(m.boundary_values(*inputs)[0]).ravel() if boundary else np.zeros(0)
-    groups = [("boundary", boundary, ends.boundary, values, part["omega"]),
-              ("integral", m.constraints.integral, ends.integrals, integrals, part["nu"])]
+    groups = [
+        ("boundary", boundary, ends.boundary, values, part["omega"]),
+        ("integral", m.constraints.integral, ends.integrals, integrals, part["nu"]),
+    ]
     for _, given, active, found, multipliers in groups:
         if given:
             names = tuple(label for c in given for label in c.labels)
-            lower, upper = (np.concatenate([getattr(c.bounds, s) for c in given])
-                            for s in ("lower", "upper"))
+            lower, upper = (
+                np.concatenate([getattr(c.bounds, s) for c in given]) for s in ("lower", "upper")
+            )
             size = np.maximum(np.abs(found), 1e-3)
-            yield from _ranged(list(names), lower, upper, active, found, -multipliers, size,
-                               float(np.abs(multipliers).max()) or 1.0)
+            yield from _ranged(
+                list(names),
+                lower,
+                upper,
+                active,
+                found,
+                -multipliers,
+                size,
+                float(np.abs(multipliers).max()) or 1.0,
+            )
 
 
 def _energy(system: System, at: Unknowns) -> float:

@@ -30,8 +30,14 @@ NEARLY = 1e-8
 """Norm at which it is found when rounding lets it fall no further."""
 NOISE = 1e-11
 """Norm below which rounding may keep residuals from falling."""
+CLOSE = 1e-3
+"""Norm below which Newton's method is to converge quadratically."""
+QUICK = 0.05
+"""Factor by which it does so at least."""
 CREEPING = 5
-"""Steps in a row that near a solution reduce the residual by a factor alone."""
+"""Steps that near a solution reduce the residual by less."""
+PATIENCE = 6
+"""Steps within which the residual is to become half of what it was."""
 SHORTEST = 2.0**-8
 """Damping factor below which there is no progress."""
 FAR = 0.25
@@ -87,7 +93,7 @@ def iterate(system: System, start: Unknowns, scales: Scales) -> Solved:
         stalls = following.norm > 0.5 * about.norm and following.norm <= NEARLY
         about = following
         norms.append(about.norm)
-        if stalls:
+        if stalls or min(norms[-PATIENCE:]) > 0.5 * min(norms[:-PATIENCE], default=np.inf):
             break
     slow = _slow(norms)
     converged = bool(about.norm <= NEARLY) and not slow
@@ -97,10 +103,10 @@ def iterate(system: System, start: Unknowns, scales: Scales) -> Solved:
 
 
 def _slow(norms: list[float]) -> bool:
-    """Whether the last steps near a solution shrank the residual by a factor alone."""
-    near = [v for v in norms if NOISE < v < 1e-2]
+    """Whether steps near a solution shrink the residual by a factor each, and no faster."""
+    near = [v for v in norms if NOISE < v < CLOSE]
     ratios = [after / before for before, after in pairwise(near)]
-    return len(ratios) >= CREEPING and min(ratios[-CREEPING:]) > 0.05
+    return len(ratios) >= CREEPING and min(ratios) > QUICK and max(ratios) < 1.0
 
 
 def _damped(system: System, about: _About, found: Found, scales: Scales) -> _About | None:
@@ -113,15 +119,42 @@ def _damped(system: System, about: _About, found: Found, scales: Scales) -> _Abo
         tried = _about(system, _moved(system, about, found, scales, share), scales)
         if tried.norm < (1 - 0.1 * share) * about.norm or tried.norm <= SETTLED:
             return tried
+        if np.isfinite(tried.norm) and about.norm > NEARLY and _natural(system, about, tried, found, share):
+            return tried
         if about.norm <= NEARLY and tried.norm <= 2 * about.norm:
             return tried if tried.norm < about.norm else None
         share /= 2
     return None
 
 
-def _moved(
-    system: System, about: _About, found: Found, scales: Scales, share: float
-) -> Unknowns:
+def _natural(
+    system: System, about: _About, tried: _About, found: Found, share: float
+) -> bool:
+    """Whether the step that the old derivatives call for has become shorter.
+
+    Where a junction moves, residuals grow that the next step takes back; the length of that step
+    does not depend on how equations are weighed (P. Deuflhard, Newton Methods for Nonlinear
+    Problems, 2004, section 3.3).
+    """
+    chain = [
+        [replace(old, right=new.right * _ratio(old, new)) for old, new in zip(*pair, strict=True)]
+        for pair in zip(about.chain, tried.chain, strict=True)
+    ]
+    following = solved(chain, system.size, system.layout.count)
+    return _length(following) < (1 - share / 4) * _length(found)
+
+
+def _ratio(old: Rows, new: Rows) -> Array | float:
+    """Return what puts a right-hand side back to the weights of the old rows."""
+    return 1.0 if old.norms is None or new.norms is None else new.norms / old.norms
+
+
+def _length(found: Found) -> float:
+    """Return the root mean square of a step, in relative changes."""
+    return float(np.sqrt(np.mean(np.concatenate([found.nodes.ravel(), found.shared]) ** 2)))
+
+
+def _moved(system: System, about: _About, found: Found, scales: Scales, share: float) -> Unknowns:
     """Return the unknowns a part of the step further on."""
     steps = share * found.nodes * scales.nodes
     shared = share * found.shared * scales.shared
@@ -158,13 +191,19 @@ def _about(system: System, at: Unknowns, scales: Scales) -> _About:
     return _About(flows, scaled, settled, norm)
 
 
+def linear(system: System, at: Unknowns, scales: Scales) -> list[list[Rows]]:
+    """Return the equations about a point, scaled."""
+    return _about(system, at, scales).chain
+
+
 def _scaled(rows: Rows, scales: Scales) -> Rows:
     """Return rows in terms of relative changes, each by its size."""
     here, shared = rows.here * scales.nodes, rows.shared * scales.shared
     if rows.there is not None:
         size = scales.nodes[:, None]
-        return Rows(here / size, rows.there * scales.nodes / size, shared / size,
-                    rows.right / scales.nodes)
+        return Rows(
+            here / size, rows.there * scales.nodes / size, shared / size, rows.right / scales.nodes
+        )
     norms = np.sqrt((here**2).sum(axis=1) + (shared**2).sum(axis=1))
     norms = np.where(norms > 0, norms, 1.0)[:, None]
-    return Rows(here / norms, None, shared / norms, rows.right / norms[:, 0])
+    return Rows(here / norms, None, shared / norms, rows.right / norms[:, 0], norms[:, 0])

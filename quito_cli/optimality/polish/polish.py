@@ -22,12 +22,13 @@ from quito_cli.optimality.hamiltonian import pontryagin
 from quito_cli.optimality.look import Look
 from quito_cli.optimality.polish.dense import refined
 from quito_cli.optimality.polish.faults import Fault, faults
+from quito_cli.optimality.polish.focal import focal_point
 from quito_cli.optimality.polish.gauss import gauss
 from quito_cli.optimality.polish.guess import Again, Direct, ends_of, scales_of, started
 from quito_cli.optimality.polish.newton import Solved, iterate
 from quito_cli.optimality.polish.revise import dropped, revised
 from quito_cli.optimality.polish.setting import Setting, UnsupportedError
-from quito_cli.optimality.polish.structure import Structure, assumed
+from quito_cli.optimality.polish.structure import Phase, Structure, assumed
 from quito_cli.optimality.polish.system import System
 from quito_cli.optimality.probes import TooLargeError
 from quito_cli.solution.polishing import Action, Polishing, PolishStatus, PolishStep
@@ -42,6 +43,12 @@ STAGES = 10
 """Gauss points of a segment: order 20 at its end, 11 in between."""
 REVISIONS = 12
 """Structures that are tried, at most."""
+AS_BAD = 0.1
+"""Faults this much of the worst one are mended with it."""
+READINGS = (None, 0.05, 0.2)
+"""How a direct answer is read: by its arcs, then by nearness to bounds, see `assumed`."""
+LEAST_SECONDS = 5.0
+"""That a polish may take however quick the solve before it was."""
 HALVINGS = 6
 """Times that segments are halved, at most."""
 
@@ -93,49 +100,116 @@ def sought(model: Model, direct: Solution) -> Ended:
         with np.errstate(all="ignore"):
             look = Look.at(setting.system, direct)
             given = Direct(setting, direct, look)
-            structure = assumed(setting, direct, given.impulses)
-            log.tell("assume", described(setting, structure))
-            return ended(*_revised(given, structure, log))
+            return ended(*_read(given, log, _deadline(direct)))
     except TooLargeError:
         return ended(PolishStatus.NOT_DERIVED, "its formulas are too long to be worked on")
     except UnsupportedError as error:
         return ended(PolishStatus.UNSUPPORTED, str(error))
 
 
+def _deadline(direct: Solution) -> float:
+    """Return when to stop: a polish is to take no longer than what went before it."""
+    seconds = direct.statistics.build_seconds + direct.statistics.solve_seconds
+    if direct.refinement is not None:
+        seconds = sum(r.seconds for r in direct.refinement.rounds)
+    return time.perf_counter() + max(seconds, LEAST_SECONDS)
+
+
+def _read(given: Direct, log: _Log, deadline: float) -> tuple[PolishStatus, str, Extremal | None]:
+    """Try one reading of the direct answer after another; what the first came to stands for all."""
+    first: tuple[PolishStatus, str, Extremal | None] | None = None
+    known: set[tuple[Phase, ...]] = set()
+    for reach in READINGS:
+        structure = assumed(given.setting, given.solution, given.impulses, reach)
+        if structure.phases in known:
+            continue
+        if reach is not None:
+            log.tell(
+                "refuse",
+                f"{first[1] if first else ''}: the answer is read anew, with every "
+                f"control within {reach:.0%} of a bound taken to be there",
+            )
+        log.tell("assume", described(given.setting, structure))
+        found = _revised(given, structure, log, deadline, known)
+        if found[0] in (PolishStatus.POLISHED, PolishStatus.DEGENERATE):
+            return found
+        first = first or found
+        if time.perf_counter() > deadline:
+            break
+    assert first is not None
+    return first
+
+
 def _revised(
-    given: Direct, structure: Structure, log: _Log
+    given: Direct,
+    structure: Structure,
+    log: _Log,
+    deadline: float,
+    known: set[tuple[Phase, ...]],
 ) -> tuple[PolishStatus, str, Extremal | None]:
     """Solve and revise until nothing is wrong."""
-    setting, known = given.setting, {structure.phases}
-    last: Extremal | None = None
+    setting, last = given.setting, None
+    known.add(structure.phases)
+    reason = "no structure fits"
     for _ in range(REVISIONS):
+        if time.perf_counter() > deadline:
+            reason = f"it would take longer than the solve before it; {reason}"
+            return PolishStatus.NOT_CONVERGED, reason, None
         found = _solved(given, structure, last, log)
         solved = found.solved
         if not solved.converged:
             if solved.slow:
                 return PolishStatus.DEGENERATE, _slow(found), None
+            reason = f"the residual stays at {solved.residuals[-1]:.1e}"
             simpler = _simpler(found)
             if simpler is None or simpler[0].phases in known:
-                return PolishStatus.NOT_CONVERGED, f"the residual stays at {solved.residuals[-1]:.1e}", None
+                return PolishStatus.NOT_CONVERGED, reason, None
             structure = simpler[0]
             log.tell("drop", simpler[1])
             known.add(structure.phases)
             continue
-        structure = _timed(found)
         wrong = faults(found.system, solved.unknowns)
         if not wrong:
+            focal = focal_point(found.system, solved.unknowns, scales_of(given, found.system))
+            if focal:
+                return PolishStatus.DEGENERATE, focal, None
             return PolishStatus.POLISHED, "", found
-        revision = next(
-            (r for f in wrong if (r := revised(setting, structure, f)) and r.structure.phases not in known),
-            None,
-        )
-        if revision is None:
-            return PolishStatus.REFUSED, wrong[0].sentence, None
-        log.tell(revision.action, revision.sentence)  # type: ignore[arg-type]
-        log.tell("assume", described(setting, revision.structure))
-        structure, last = revision.structure, found
+        reason = wrong[0].sentence
+        following = _following(setting, _timed(found), wrong, known, log)
+        if following is None:
+            return PolishStatus.REFUSED, reason, None
+        log.tell("assume", described(setting, following))
+        structure, last = following, found
         known.add(structure.phases)
-    return PolishStatus.REFUSED, wrong[0].sentence if solved.converged else "no structure fits", None
+    return PolishStatus.REFUSED, reason, None
+
+
+def _following(
+    setting: Setting,
+    structure: Structure,
+    wrong: list[Fault],
+    known: set[tuple[Phase, ...]],
+    log: _Log,
+) -> Structure | None:
+    """Return the structure that mends the worst fault and others of its kind that are as bad."""
+    for worst in wrong:
+        same = [f for f in wrong if f.what == worst.what and f.amount >= AS_BAD * worst.amount]
+        for group in (same, [worst]):
+            found, said = structure, []
+            for fault in group:
+                phase = found.phase_at((fault.start + fault.end) / 2)
+                placed = fault if fault.what == "vanished" else replace(fault, phase=phase)
+                revision = revised(setting, found, placed)
+                if revision is not None:
+                    found = revision.structure
+                    said.append(revision)
+                if fault.what == "vanished":
+                    break
+            if said and found.phases not in known:
+                for revision in said:
+                    log.tell(revision.action, revision.sentence)  # type: ignore[arg-type]
+                return found
+    return None
 
 
 def _timed(found: Extremal) -> Structure:
@@ -148,8 +222,9 @@ def _solved(given: Direct, structure: Structure, last: Extremal | None, log: _Lo
     system = System(given.setting, structure, ends_of(given, structure), gauss(STAGES))
     scales = scales_of(given, system)
     start = (
-        started(given, system) if last is None
-        else Again(last.system, last.solved.unknowns).unknowns_of(system)
+        started(given, system)
+        if last is None
+        else Again(given, last.system, last.solved.unknowns).unknowns_of(system)
     )
     solved = iterate(system, start, scales)
     log.tell("solve", f"{len(structure.phases)} phases, {_count(start)} segments", solved.residuals)

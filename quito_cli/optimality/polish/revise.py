@@ -124,9 +124,7 @@ def _beyond(setting: Setting, structure: Structure, fault: Fault) -> Revision:
     return _inserted(structure, fault, fault.control, kind, f"{name} {kind}")
 
 
-def _inserted(
-    structure: Structure, fault: Fault, i: int, kind: Kind, what: str
-) -> Revision:
+def _inserted(structure: Structure, fault: Fault, i: int, kind: Kind, what: str) -> Revision:
     start, end = _snapped(structure, fault)
     kinds = structure.phases[fault.phase].kinds
     changed = (*kinds[:i], kind, *kinds[i + 1 :])

@@ -31,6 +31,8 @@ MISALIGNED = 0.02
 be apart in a direct answer."""
 
 
+BRIEF = 4
+"""Cells that a jump takes at most."""
 TOUCHES = 1e-3
 """Impulse of a state constraint, over the size of costates, that is a touch."""
 Array = NDArray[np.float64]
@@ -66,6 +68,11 @@ class Structure:
     def at(self, times: Iterable[float]) -> Structure:
         """Return the same structure at other times."""
         return replace(self, times=tuple(float(t) for t in times))
+
+    def phase_at(self, time: float) -> int:
+        """Return the phase that a time is in."""
+        k = int(np.searchsorted(self.times, time, side="right")) - 1
+        return min(max(k, 0), len(self.phases) - 1)
 
     def named(self, junction: int) -> bool:
         """Whether a touch or a point constraint is at a junction."""
@@ -115,18 +122,22 @@ class Structure:
         return replace(wide, phases=phases)
 
 
-def assumed(setting: Setting, direct: Solution, pressed: Pressed) -> Structure:
+def assumed(setting: Setting, direct: Solution, pressed: Pressed, reach: float | None) -> Structure:
     """Return the structure that an answer shows: its arcs, and where it touches constraints.
 
     Args:
         setting: the problem.
         direct: the answer.
         pressed: row ↦ ∫ μ dt of its panels, as times (P+1,) and impulses (P,).
+        reach: part of its range within which a control counts as at a bound, however briefly; None
+            reads the arcs of the answer instead, from which transitions are gone.
     """
     m, rows = setting.system.model, setting.system.rows
     start, end = float(direct.times[0]), float(direct.times[-1])
     names = labels(m.controls)
     controls = [[a for a in direct.arcs if a.of == name] for name in names]
+    if reach is not None:
+        controls = [_read(setting, direct, i, reach) for i in range(m.n_u)]
     own = [_row_arcs(direct, setting, i) for i in range(len(rows))]
     own = _aligned(setting, controls, own, (end - start) * MISALIGNED)
     fractions = [c.at for c in m.constraints.point if c.at is not None]
@@ -174,6 +185,36 @@ def _touched(
             yield float((times[a:b] * weights).sum() / weights.sum()), held
 
 
+def _read(setting: Setting, direct: Solution, i: int, reach: float) -> list[Arc]:
+    """Return the arcs of a control by its nearness to bounds alone.
+
+    What is between bounds for no longer than a few cells, from one bound to the other, is a jump.
+    """
+    start, end, cells = float(direct.times[0]), float(direct.times[-1]), len(direct.times) - 1
+    t = np.linspace(start, end, 8 * cells + 1)
+    u = direct.control(t)[:, i]
+    low, high = (float(side[i]) for side in setting.system.model.control_bounds)
+    span = high - low if np.isfinite(high - low) else float(np.ptp(u))
+    marks = np.where(u <= low + reach * span, -1, np.where(u >= high - reach * span, 1, 0))
+    edges = [0, *(np.flatnonzero(np.diff(marks)) + 1).tolist(), len(t)]
+    runs = [(int(marks[a]), a, b) for a, b in pairwise(edges)]
+    kept = [
+        run
+        for k, run in enumerate(runs)
+        if run[0]
+        or not 0 < k < len(runs) - 1
+        or runs[k - 1][0] == runs[k + 1][0]
+        or run[2] - run[1] > 8 * BRIEF
+    ]
+    label, found, begin = setting.name(i), [], start
+    for k, (mark, _, b) in enumerate(kept):
+        last = end if k == len(kept) - 1 else float((t[b - 1] + t[kept[k + 1][1]]) / 2)
+        kind = "lower" if mark < 0 else "upper" if mark > 0 else "interior"
+        found.append(Arc(label, kind, begin, last, 0.0, 0.0))  # type: ignore[arg-type]
+        begin = last
+    return found
+
+
 def _kind(arcs: list[Arc], time: float) -> Kind:
     for arc in arcs:
         if arc.start <= time < arc.end:
@@ -198,7 +239,9 @@ def _upper(setting: Setting, direct: Solution, i: int, arc: Arc) -> bool:
     if not np.isfinite(row.lower) or not np.isfinite(row.upper):
         return bool(np.isfinite(row.upper))
     t = np.linspace(arc.start, arc.end, 9)[1:-1]
-    value = float(np.median(setting.rows(t, direct.state(t), direct.control(t), direct.parameters)[:, i]))
+    value = float(
+        np.median(setting.rows(t, direct.state(t), direct.control(t), direct.parameters)[:, i])
+    )
     return value > (row.lower + row.upper) / 2
 
 

@@ -137,7 +137,12 @@ class System:
             )
             phases.append(
                 Segments(
-                    segments.fractions, segments.nodes, segments.stages, flows[-1].inner, first, last
+                    segments.fractions,
+                    segments.nodes,
+                    segments.stages,
+                    flows[-1].inner,
+                    first,
+                    last,
                 )
             )
         settled = Unknowns(tuple(phases), g)
@@ -200,8 +205,10 @@ class System:
         if leap is None:
             return change, by_y, by_g
         time = layout.place("T").start + k
-        own = slice(layout.place("pi").start + leap.multipliers.start,
-                    layout.place("pi").start + leap.multipliers.stop)
+        own = slice(
+            layout.place("pi").start + leap.multipliers.start,
+            layout.place("pi").start + leap.multipliers.stop,
+        )
         given = (y[:n], g[time], g[layout.place("p")], g[own])
         value, by_x, by_t, by_p, by_m = (np.array(v) for v in leap.function.call(given)[:5])
         places = np.r_[n : 2 * n, self.size - layout.parameters : self.size]
@@ -252,8 +259,10 @@ class System:
         if leap is not None and k is not None:  # ρᵀ c_t
             layout, g = self.layout, at.shared
             n, y = layout.states, at.phases[phase].nodes[-1]
-            own = slice(layout.place("pi").start + leap.multipliers.start,
-                        layout.place("pi").start + leap.multipliers.stop)
+            own = slice(
+                layout.place("pi").start + leap.multipliers.start,
+                layout.place("pi").start + leap.multipliers.stop,
+            )
             given = (y[:n], g[layout.place("T").start + k], g[layout.place("p")], g[own])
             by_t = np.array(leap.function.call(given)[7])[:, 0]
             right = right + g[own] @ by_t
@@ -267,7 +276,12 @@ class System:
         last, phase = at.phases[-1].nodes[-1], len(self.laws) - 1
         energy = self._rows(at, self.hamiltonians[phase], phase, False)
         hf, times = -energy.right[0], layout.place("T")
-        parts = [g[layout.place("x0")], g[layout.place("l0")], last, g[[times.start, times.stop - 1]]]
+        parts = [
+            g[layout.place("x0")],
+            g[layout.place("l0")],
+            last,
+            g[[times.start, times.stop - 1]],
+        ]
         parts += [g[layout.place(name)] for name in ("p", "nu", "omega")]
         e = np.concatenate([*parts, g[[layout.place("e").start]], [hf]])
         value, by_e = (np.array(v) for v in self.ends.function(e))
@@ -320,8 +334,10 @@ class System:
         time[0, times.start] -= 1 - f
         time[0, times.stop - 1] -= f
         found = [Rows(np.zeros((1, self.size)), None, time, -(time @ g))]
-        own = slice(layout.place("pi").start + leap.multipliers.start,
-                    layout.place("pi").start + leap.multipliers.stop)
+        own = slice(
+            layout.place("pi").start + leap.multipliers.start,
+            layout.place("pi").start + leap.multipliers.stop,
+        )
         given = (at.phases[k].nodes[0][:n], g[times.start + k], g[layout.place("p")], g[own])
         values, by_x, by_t, by_p = (np.array(v) for v in leap.function.call(given)[5:9])
         bounds, at_row = self.ends.points[which], 0

@@ -1,13 +1,13 @@
 """The unknowns of the boundary value problem, and where each is.
 
-    y = (x, λ, w)     at the nodes of every phase, w what is integrated beside: the integral
-                      constraints and ∫ (H + ηᵀC)_p, from zero;
-    Y = (x, λ)        at the s Gauss points of every segment;
-    z                 at those points and at both ends of a phase: see `law`; always settled;
-    g = (x₀, λ₀, T, p, ν, ω, π, e)
-                      shared by all: the ends where the horizon begins, the times of all junctions,
-                      parameters, multipliers of integral and boundary constraints, jumps, and what
-                      H jumps by at point constraints.
+y = (x, λ, w)     at the nodes of every phase, w what is integrated beside: the integral
+                  constraints and ∫ (H + ηᵀC)_p, from zero;
+Y = (x, λ)        at the s Gauss points of every segment;
+z                 at those points and at both ends of a phase: see `law`; always settled;
+g = (x₀, λ₀, T, p, ν, ω, π, e)
+                  shared by all: the ends where the horizon begins, the times of all junctions,
+                  parameters, multipliers of integral and boundary constraints, jumps, and what
+                  H jumps by at point constraints.
 """
 
 from __future__ import annotations

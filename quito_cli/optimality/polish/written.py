@@ -46,7 +46,9 @@ def exact(system: System, at: Unknowns, residual: float) -> Exact:
         for held, parts in adjoined(system, at, k, piece).items():
             pulls[..., held[0]] = parts[..., -1]
             if system.setting.active(held).order:
-                own += np.einsum("kmxi,kmi->kmx", _gradients(system, at, k, piece, held), parts[..., :-1])
+                own += np.einsum(
+                    "kmxi,kmi->kmx", _gradients(system, at, k, piece, held), parts[..., :-1]
+                )
         costates.append(own)
         mu.append(pulls)
         fractions = at.phases[k].fractions[1:]
@@ -147,4 +149,3 @@ def _cost(system: System, at: Unknowns) -> float:
         total += float((running @ system.method.weights) @ h)
     ends = at.phases[0].nodes[0][:n], times[0], at.phases[-1].nodes[-1][:n], times[-1], p
     return total + float(m.end_cost(*ends))
-
