@@ -102,9 +102,15 @@ class Row:
 
     @property
     def seconds(self) -> float:
-        """Build and solve."""
+        """Build, solve and polish."""
         statistics = self.solution.statistics
-        return statistics.build_seconds + statistics.solve_seconds
+        return statistics.build_seconds + statistics.solve_seconds + (self.polish_seconds or 0.0)
+
+    @property
+    def polish_seconds(self) -> float | None:
+        """None where none was asked for."""
+        polishing = self.solution.polishing
+        return None if polishing is None else polishing.seconds
 
 
 @dataclass(frozen=True)
