@@ -138,7 +138,7 @@ def _figures(solution: Solution) -> list[tuple[str, str]]:
     rows = [
         ("cost", _cost(solution)),
         ("iterations", times),
-        ("method", _method(solution.options)),
+        ("method", _method(solution.options) + (", polished" if solution.polished else "")),
     ]
     if statistics.program == "QP" or statistics.solver != Options.solver:
         rows.append(("program", _program(statistics)))
