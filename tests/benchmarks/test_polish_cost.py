@@ -1,6 +1,6 @@
 """What a polish costs beside the adaptive solve before it.
 
-    OMP_NUM_THREADS=1 pytest -m benchmark tests/benchmarks/test_polish.py -s
+    OMP_NUM_THREADS=1 pytest -m benchmark tests/benchmarks/test_polish_cost.py -s
 
 The solve is all meshes with their checks, build and solve; the polish is what its account says:
 derivation, all Newton steps and the certificate of what was found. It may take as long.
