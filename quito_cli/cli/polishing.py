@@ -43,7 +43,7 @@ _MEANING: Final[dict[Action, str]] = {
     "drop": "an arc that shrank to nothing is left out",
     "insert": "a sign that does not hold asks for an arc that was missing",
     "release": "a bound or constraint that pushes the wrong way is let go",
-    "refine": "segments are cut where the equations are stiff",
+    "refine": "segments are halved where their polynomials do not carry, and all is solved again",
     "check": "signs, bounds and constraints of what was solved, between the points too",
     "refuse": "a condition that this structure cannot be made to meet",
 }

@@ -43,7 +43,7 @@ def test_a_polish_costs_no_more_than_the_solve_before_it(
     rows, ratios = [list(COLUMNS)], {}
     for name in PROBLEMS:
         runs = [_once(name) for _ in range(ROUNDS)]
-        direct, own = (median(run[i] for run in runs) for i in (0, 1))
+        direct, own = median(run[0] for run in runs), median(run[1] for run in runs)
         ratios[name] = median(own / direct for direct, own, _ in runs)
         how = runs[0][2].polishing
         assert how is not None
