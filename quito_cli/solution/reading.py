@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from quito_cli.problem.shapes import Ball, Block
 from quito_cli.solution.junctions import Junction
 from quito_cli.solution.optimal import Arc, Condition, Extremal, Kind, Verdict
-from quito_cli.solution.polishing import Action, Polishing, PolishStatus, PolishStep
+from quito_cli.solution.polish_file import check, read_densities, read_polishing
 from quito_cli.solution.rounds import Account, Refinement, Round
 from quito_cli.solution.solution import (
     Drawing,
@@ -68,7 +68,8 @@ def read(file: h5py.File) -> Solution:
         _read_junctions(file),
         _read_refinement(file["refinement"]) if "refinement" in file else None,
         _read_extremal(file["optimality"]) if "optimality" in file else None,
-        _read_polishing(file["polishing"]) if "polishing" in file else None,
+        read_polishing(file["polishing"]) if "polishing" in file else None,
+        read_densities(file["densities"]) if "densities" in file else None,
     )
 
 
@@ -126,37 +127,13 @@ def _read_account(group: h5py.Group) -> Account:
 
 def _read_extremal(group: h5py.Group) -> Extremal:
     arcs, rows = _columns(group["arcs"], Arc), _columns(group["certificate"], Condition)
-    _check(Kind, (arc["kind"] for arc in arcs))
-    _check(Verdict, (row["verdict"] for row in rows))
+    check(Kind, (arc["kind"] for arc in arcs))
+    check(Verdict, (row["verdict"] for row in rows))
     return Extremal(
         tuple(Arc(**arc) for arc in arcs),
         tuple(Condition(**row) for row in rows),
         group["time"][:],
         {str(name): group["curves"][i] for i, name in enumerate(group["curve"].asstr()[:])},
-    )
-
-
-def _check(possible: Any, found: Iterable[str]) -> None:
-    for one in found:
-        if one not in get_args(possible):
-            raise ValueError(f"{one} is none of {', '.join(get_args(possible))}")
-
-
-def _read_polishing(group: h5py.Group) -> Polishing:
-    attributes, ends = group.attrs, np.cumsum(group["residuals"][:])
-    residuals = [tuple(map(float, part)) for part in np.split(group["residual"][:], ends)]
-    actions: list[Any] = [str(action) for action in group["action"].asstr()[:]]
-    _check(Action, actions)
-    texts = map(str, group["sentence"].asstr()[:])
-    return Polishing(
-        PolishStatus[attributes["status"]],
-        str(attributes["reason"]),
-        tuple(map(PolishStep, actions, texts, residuals)),
-        float(attributes["residual"]),
-        float(attributes["seconds"]),
-        float(attributes["cost_before"]),
-        int(attributes["segments"]),
-        int(attributes["newton_steps"]),
     )
 
 
@@ -170,12 +147,15 @@ def _columns(group: h5py.Group, kind: Any) -> list[dict[str, Any]]:
     return [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
 
 
-def _read_curves(group: h5py.Group) -> tuple[Curve, Curve | None]:
+def _read_curves(group: h5py.Group) -> tuple[Curve, Polynomials | None]:
     """Return states, and costates where there are more than at the nodes, as curves."""
     kind, times, states = group.attrs["kind"], group["time"][:], group["state"][:]
     if kind == "polynomial":
         degree = int(group.attrs["degree"])
-        adjoint = Polynomials(times, group["costate"][:], degree) if "costate" in group else None
+        if "costate" not in group:
+            return Polynomials(times, states, degree), None
+        before = group["costate_before"][:] if "costate_before" in group else None
+        adjoint = Polynomials(times, group["costate"][:], degree, before)
         return Polynomials(times, states, degree), adjoint
     slopes = group["start_slope"][:], group["end_slope"][:]
     return Trajectory(times, states, *slopes, "cubic" if kind == "cubic" else "linear"), None
