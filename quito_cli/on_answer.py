@@ -58,9 +58,17 @@ def polished(
             raise KeyboardInterrupt
         if listener is not None:
             listener(Progress(0, direct.cost, direct.evidence.feasibility, STAGE))
-        return polish(problem, model, options, direct)
+        found = polish(problem, model, options, direct)
     except KeyboardInterrupt:
-        return replace(direct, polishing=_interrupted(direct, time.perf_counter() - started))
+        found = replace(direct, polishing=_interrupted(direct, time.perf_counter() - started))
+    return found if found.polished else _standing(found, time.perf_counter() - started)
+
+
+def _standing(direct: Solution, seconds: float) -> Solution:
+    """Return a direct answer with the time that its polish took."""
+    statistics = direct.statistics
+    whole = replace(statistics, solve_seconds=statistics.solve_seconds + seconds)
+    return replace(direct, statistics=whole)
 
 
 def _interrupted(direct: Solution, seconds: float) -> Polishing:

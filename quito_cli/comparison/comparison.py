@@ -102,13 +102,13 @@ class Row:
 
     @property
     def seconds(self) -> float:
-        """Build, solve and polish."""
+        """Build and solve."""
         statistics = self.solution.statistics
-        return statistics.build_seconds + statistics.solve_seconds + (self.polish_seconds or 0.0)
+        return statistics.build_seconds + statistics.solve_seconds
 
     @property
     def polish_seconds(self) -> float | None:
-        """None where none was asked for."""
+        """Of solving, those of the polish; None where none was asked for."""
         polishing = self.solution.polishing
         return None if polishing is None else polishing.seconds
 

@@ -84,11 +84,11 @@ COLUMNS: Final[Mapping[str, tuple[Column, ...]]] = {
             lambda row: row.solution.statistics.solve_seconds,
         ),
         Column(
-            *("polish_seconds", "polish s", "polish [s]", ".2g", "time of the polish after it"),
+            *("polish_seconds", "polish s", "polish [s]", ".2g", "of that, in the polish"),
             lambda row: row.polish_seconds,
         ),
         Column(
-            *("seconds", "in all s", "in all [s]", ".2g", "these together"),
+            *("seconds", "in all s", "in all [s]", ".2g", "build and solve together"),
             lambda row: row.seconds,
             "time",
         ),

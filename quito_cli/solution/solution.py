@@ -244,11 +244,6 @@ class Solution:
         return self.status is Status.INTERRUPTED or unpolished
 
     @property
-    def polished(self) -> bool:
-        """Whether this is the exact answer of a polish."""
-        return self.polishing is not None and self.polishing.polished
-
-    @property
     def mesh(self) -> Mesh:
         """The control cells."""
         start, end = self.times[0], self.times[-1]
