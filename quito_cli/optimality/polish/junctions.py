@@ -124,7 +124,7 @@ def _switches(setting: Setting, before: Phase, after: Phase) -> Iterator[Conditi
     spoken = {i for held in changed for i in setting.active(held).controls}
     ends = ("lower", "upper")
     for i, (a, b) in enumerate(zip(before.kinds, after.kinds, strict=True)):
-        if a == b or i in spoken and "free" in (a, b):
+        if a == b or (i in spoken and "free" in (a, b)):
             continue
         if a in ends and b in ends:
             yield Condition(

@@ -7,7 +7,7 @@ where it is active, which feedback singular controls follow.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -71,12 +71,12 @@ class Setting:
             return np.zeros((len(t), 0))
         return sampled(self.row_function, (t, x, np.zeros_like(x), u, p, None, None))[0]
 
-    @lru_cache(maxsize=None)  # noqa: B019 - as long as the polish lasts
+    @cache  # noqa: B019 - as long as the polish lasts
     def active(self, held: Held) -> Active:
         """Return what holds where a row is at a bound."""
         return active(self.system, self.probe, held[0], upper=held[1])
 
-    @lru_cache(maxsize=None)  # noqa: B019 - as long as the polish lasts
+    @cache  # noqa: B019 - as long as the polish lasts
     def singular(self, phase: Phase) -> Singular | None:
         """Return the feedback of a phase's singular controls; None where there are none.
 
