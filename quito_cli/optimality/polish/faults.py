@@ -78,7 +78,7 @@ def _vanished(system: System, k: int, at: Unknowns) -> str:
 
 
 def _runs(wrong: Array, t: Array) -> Iterator[tuple[float, float, int]]:
-    """Give from when to when, and where most, something positive is wrong; (n,) in order of time."""
+    """Give from when to when, and where most, something is positive; (n,) in order of time."""
     flags = np.concatenate([[False], wrong > 0, [False]])
     edges = np.flatnonzero(flags[1:] != flags[:-1])
     for a, b in zip(edges[::2], edges[1::2], strict=True):
@@ -193,7 +193,8 @@ def _pulls(system: System, at: Unknowns, pieces: tuple[Piece, ...]) -> Iterator[
             slack = SLIGHT if not system.setting.active(held).order else 1e-5
             wrong = -sign * mu / size - slack
             for start, end, worst in _runs(wrong, t):
-                says = f"the multiplier of {row.label} has the wrong sign from {start:.6g} to {end:.6g}"
+                says = f"the multiplier of {row.label} has the wrong sign from "
+                says += f"{start:.6g} to {end:.6g}"
                 amount = float(wrong[worst])
                 yield Fault("pull", start, end, amount, says, -1, held[1], held, k)
     for leap in leaps(system, at):
@@ -340,8 +341,8 @@ def _least(matrix: Array, normals: Array) -> Array:
         return np.asarray(np.linalg.eigvalsh(matrix)[:, 0])
     if normals.shape[1] >= normals.shape[2]:
         return np.zeros(len(matrix))
-    q, _ = np.linalg.qr(normals.transpose(0, 2, 1), mode="complete")
-    null = q[:, :, normals.shape[1] :]
+    basis, _ = np.linalg.qr(normals.transpose(0, 2, 1), mode="complete")
+    null = basis[:, :, normals.shape[1] :]
     reduced = np.einsum("nai,nab,nbj->nij", null, matrix, null)
     return np.asarray(np.linalg.eigvalsh(reduced)[:, 0])
 

@@ -303,7 +303,10 @@ def _simpler(found: Extremal) -> tuple[Structure, str] | None:
     k = int(np.argmax(weakest)) + 1
     lengths = np.diff(structure.times)
     phase = k if lengths[k] <= lengths[k - 1] else k - 1
-    sentence = f"no extremal was found, and the time of the junction at {structure.times[k]:.6g} is known least: the arc beside it is left out"
+    sentence = (
+        f"no extremal was found, and the junction at {structure.times[k]:.6g} is known least: the arc "
+        "beside it is left out"
+    )
     return dropped(structure, phase).merged(), sentence
 
 

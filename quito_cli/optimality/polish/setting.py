@@ -1,4 +1,4 @@
-"""What a polish knows of a problem before any structure: Pontryagin's system, and what its parts do.
+"""What a polish knows of a problem before any structure: Pontryagin's system and its parts.
 
 Everything symbolic is derived here once, and kept: how each control enters H, what each row says
 where it is active, which feedback singular controls follow.
@@ -49,7 +49,7 @@ class Setting:
         return controls(self.system, self.probe)
 
     def first_row_arc(self, direct: Solution) -> int:
-        """Return where the arcs of rows begin among those of an answer: they follow the controls'."""
+        """Return where the arcs of rows begin in an answer: they follow those of the controls."""
         names = {label for v in self.system.model.controls for label in v.labels}
         arcs = direct.arcs
         count = 0
