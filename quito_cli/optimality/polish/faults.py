@@ -205,12 +205,24 @@ def _violated(system: System, at: Unknowns, pieces: tuple[Piece, ...]) -> Iterat
             over = values[:, i] - row.upper if upper else row.lower - values[:, i]
             held = np.array([(i, upper) in system.structure.phases[k].held for k in phases])
             wrong = np.where(held | ~np.isfinite(over), -1.0, over / size - SLIGHT)
+            for k in _between_touches(system, (i, upper)):
+                own_times = times[phases == k]
+                if np.abs(over[phases == k]).max() <= SLIGHT * size:
+                    start, end = float(own_times[0]), float(own_times[-1])
+                    says = f"{row.label} rests at its bound from {start:.6g} to {end:.6g}"
+                    yield Fault("violated", start, end, 1.0, says, -1, upper, (i, upper), k)
             for start, end, worst in _runs(wrong, times):
                 says = f"{row.label} would be violated from {start:.6g} to {end:.6g}"
                 amount = float(wrong[worst])
                 yield Fault(
                     "violated", start, end, amount, says, -1, upper, (i, upper), int(phases[worst])
                 )
+
+
+def _between_touches(system: System, held: Held) -> list[int]:
+    """Return phases that begin and end with a touch of a row."""
+    at = {k for k, touched in system.structure.touches if touched == held}
+    return [k for k in at if k + 1 in at]
 
 
 def _pulls(system: System, at: Unknowns, pieces: tuple[Piece, ...]) -> Iterator[Fault]:
