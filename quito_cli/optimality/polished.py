@@ -181,29 +181,47 @@ def _signs(look: Polished, name: str, own: slice, never: str) -> Condition:
 
 
 def arcs_kept(look: Look) -> Iterator[Condition]:
-    """Controls and constraints are at the bounds that their arcs say."""
+    """Arcs end at nodes, and at the bounds that they say are controls and constraints."""
     name = "controls and constraints are at the bounds of their arcs"
-    middles = (look.panels.times[1:] + look.panels.times[:-1]) / 2
+    held = list(_held(look))
+    if not held:
+        yield not_applicable(name, "there are no arcs")
+        return
+    off = np.array([_off(look, arc, distance) for arc, distance in held]).T
+    yield judged(
+        name,
+        off,
+        1.0,
+        look.flow.t,
+        SOLVED,
+        lambda: 0.0,
+        held[int(np.argmax(off.max(axis=0)))][0].of,
+    )
+
+
+def _off(look: Look, arc: Arc, distance: Array) -> Array:
+    """Return how far an arc is from its bound along it, or from nodes, (P,)."""
+    t = look.panels.times
+    middles, nodes = (t[1:] + t[:-1]) / 2, look.solution.times
+    missed = max(float(np.abs(nodes - at).min()) for at in (arc.start, arc.end))
+    inside = (middles > arc.start) & (middles < arc.end)
+    return np.where(inside, np.maximum(distance, missed / (t[-1] - t[0])), 0.0)
+
+
+def _held(look: Look) -> Iterator[tuple[Arc, Array]]:
+    """Give each arc with the distance from what it holds at its bound, over its range; (P,)."""
     of_controls, of_rows = by_quantity(look.arcs, look.names)
     (lower, upper), (low, high) = look.system.model.control_bounds, _limits(look.system)
-    values, sizes = look.rows[0], _sizes_of(look.rows[0])
-    off = np.zeros(len(middles))
-
-    def held(arc: Arc, distance: Array) -> None:
-        inside = (middles > arc.start) & (middles < arc.end)
-        off[inside] = np.maximum(off[inside], distance[inside])
-
+    u, values, sizes = look.flow.u, look.rows[0], _sizes_of(look.rows[0])
     for i, label in enumerate(look.names):
         for arc in of_controls.get(label, []):
-            if arc.kind in ("lower", "upper"):
-                bound = (lower if arc.kind == "lower" else upper)[i]
-                held(arc, np.abs(look.flow.u[:, i] - bound) / look.spans[i])
+            bound = {"lower": lower[i], "upper": upper[i]}.get(arc.kind)
+            off = 0 * u[:, i] if bound is None else np.abs(u[:, i] - bound) / look.spans[i]
+            yield arc, off
     for j, row in enumerate(look.system.rows):
+        nearest = np.minimum(np.abs(values[:, j] - low[j]), np.abs(values[:, j] - high[j]))
         for arc in of_rows.get(row.label, []):
-            if arc.kind == "active":
-                nearest = np.minimum(np.abs(values[:, j] - low[j]), np.abs(values[:, j] - high[j]))
-                held(arc, nearest / sizes[j])
-    yield judged(name, off, 1.0, look.flow.t, SOLVED, lambda: 0.0, "one of them")
+            yield arc, nearest / sizes[j] if arc.kind == "active" else 0 * nearest
 
 
 def sharply(row: Condition) -> Condition:
