@@ -181,8 +181,9 @@ def _signs(look: Polished, name: str, own: slice, never: str) -> Condition:
 
 
 def arcs_kept(look: Look) -> Iterator[Condition]:
-    """Arcs end at nodes, and at the bounds that they say are controls and constraints."""
-    name = "controls and constraints are at the bounds of their arcs"
+    """Arcs end at nodes, and controls and constraints are in them what they say."""
+    assert isinstance(look, Polished)
+    name = "controls and constraints are what their arcs say"
     held = list(_held(look))
     if not held:
         yield not_applicable(name, "there are no arcs")
@@ -199,29 +200,43 @@ def arcs_kept(look: Look) -> Iterator[Condition]:
     )
 
 
-def _off(look: Look, arc: Arc, distance: Array) -> Array:
-    """Return how far an arc is from its bound along it, or from nodes, (P,)."""
-    t = look.panels.times
-    middles, nodes = (t[1:] + t[:-1]) / 2, look.solution.times
+def _off(look: Polished, arc: Arc, distance: Array) -> Array:
+    """Return how far what an arc is of is from what it says, or its ends from nodes, (P,)."""
+    t, nodes = look.panels.times, look.solution.times
     missed = max(float(np.abs(nodes - at).min()) for at in (arc.start, arc.end))
-    inside = (middles > arc.start) & (middles < arc.end)
+    inside = _inside(look, arc)
     return np.where(inside, np.maximum(distance, missed / (t[-1] - t[0])), 0.0)
 
 
-def _held(look: Look) -> Iterator[tuple[Arc, Array]]:
-    """Give each arc with the distance from what it holds at its bound, over its range; (P,)."""
+def _inside(look: Polished, arc: Arc) -> Flags:
+    """Panels in an arc, (P,)."""
+    t = look.panels.times
+    middles = (t[1:] + t[:-1]) / 2
+    return np.asarray((middles > arc.start) & (middles < arc.end))
+
+
+def _held(look: Polished) -> Iterator[tuple[Arc, Array]]:
+    """Give each arc with how far it is from what it says, over its range, (P,).
+
+    At a bound its distance; between bounds all of it where the whole arc is at one; of a
+    constraint that is not active its multiplier.
+    """
     of_controls, of_rows = by_quantity(look.arcs, look.names)
     (lower, upper), (low, high) = look.system.model.control_bounds, _limits(look.system)
-    u, values, sizes = look.flow.u, look.rows[0], _sizes_of(look.rows[0])
+    u, values, mu = look.flow.u, look.rows[0], np.abs(look.along.mu)
+    sizes, most = _sizes_of(values), positive(mu.max(axis=0, initial=0.0))
     for i, label in enumerate(look.names):
         for arc in of_controls.get(label, []):
             bound = {"lower": lower[i], "upper": upper[i]}.get(arc.kind)
-            off = 0 * u[:, i] if bound is None else np.abs(u[:, i] - bound) / look.spans[i]
-            yield arc, off
+            if bound is not None:
+                yield arc, np.abs(u[:, i] - bound) / look.spans[i]
+            else:
+                own = look.labels[_inside(look, arc), i]
+                yield arc, np.full(len(u), float(own.size > 0 and own.all()))
     for j, row in enumerate(look.system.rows):
         nearest = np.minimum(np.abs(values[:, j] - low[j]), np.abs(values[:, j] - high[j]))
         for arc in of_rows.get(row.label, []):
-            yield arc, nearest / sizes[j] if arc.kind == "active" else 0 * nearest
+            yield arc, nearest / sizes[j] if arc.kind == "active" else mu[:, j] / most[j]
 
 
 def sharply(row: Condition) -> Condition:
