@@ -97,8 +97,8 @@ def singular(
         system: Pontryagin's system.
         probe: its random points.
         controls: entries of u that are singular.
-        interior: entries that are inside their bounds there, and regular or determined by a row that
-            is held; all others are constant.
+        interior: entries that are inside their bounds there, and regular or determined by a row
+            that is held; all others are constant.
         held: rows at their bounds there, each with the multiplier η at its place of μ.
     """
     import casadi as ca

@@ -22,6 +22,7 @@ class PolishStatus(Enum):
     NOT_CONVERGED = "No extremal of this structure was found."
     REFUSED = "An extremal was found that violates a condition."
     NO_BETTER = "The certificate would not improve."
+    INTERRUPTED = "The polish was interrupted."
 
 
 @dataclass(frozen=True)
@@ -58,3 +59,21 @@ class Polishing:
     def polished(self) -> bool:
         """Whether the answer is the polished one; else the direct answer stands."""
         return self.status is PolishStatus.POLISHED
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether the user stopped it."""
+        return self.status is PolishStatus.INTERRUPTED
+
+    @property
+    def outcome(self) -> str:
+        """How it ended, and of what did not come to an end, why; without the full stop."""
+        said = self.status.value.removesuffix(".")
+        return f"{said}: {self.reason.removesuffix('.')}" if self.reason else said
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a reader of an answer must know that was to be polished and is not."""
+        if self.polished:
+            return ()
+        return (f"the answer is not polished, the direct one stands: {self.outcome}",)

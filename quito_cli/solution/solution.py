@@ -233,8 +233,15 @@ class Solution:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a reader must know before believing the answer: of its evidence and certificate."""
-        return (*self.evidence.warnings, *doubts(self.certificate))
+        """What a reader must know before believing the answer: of evidence, certificate, polish."""
+        unpolished = () if self.polishing is None else self.polishing.warnings
+        return (*self.evidence.warnings, *doubts(self.certificate), *unpolished)
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether the user stopped the solve, or the polish of its answer."""
+        unpolished = self.polishing is not None and self.polishing.interrupted
+        return self.status is Status.INTERRUPTED or unpolished
 
     @property
     def mesh(self) -> Mesh:

@@ -67,7 +67,7 @@ def solved(nodes: list[list[Rows]], size: int, shared: int, damping: float = 0.0
     tops: list[Array] = []
     for own in nodes[:-1]:
         stacked = _stacked(carried, own, size, shared)
-        triangle = np.linalg.qr(stacked, mode="r")
+        triangle = np.asarray(np.linalg.qr(stacked, mode="r"))
         tops.append(triangle[:size])
         carried = triangle[size:, size:]
         if damping:

@@ -41,7 +41,8 @@ class Piece:
     def flat(self) -> tuple[Array, Array, Array, Array]:
         """Return t, y, z and u with one leading axis."""
         n = self.t.size
-        return self.t.ravel(), *(v.reshape(n, -1) for v in (self.y, self.z, self.u))
+        y, z, u = (v.reshape(n, v.shape[2]) for v in (self.y, self.z, self.u))
+        return self.t.ravel(), y, z, u
 
 
 def lengths(system: System, at: Unknowns) -> Array:
@@ -96,10 +97,9 @@ def refined(system: System, at: Unknowns, scales: Scales) -> Unknowns | None:
         of_u = np.abs(np.einsum("cj,kjy->kcy", tails, piece.u)) / spans
         worst = np.concatenate([rest, of_u], axis=2).max(axis=(1, 2), initial=0.0)
         long = ~(worst <= RESOLVED)
-        if long.any() and sum(len(p.stages) for p in at.phases) < MOST:
-            halved = True
-            segments = _halved(system, at, k, segments, long)
-        phases.append(segments)
+        halve = bool(long.any()) and sum(len(p.stages) for p in at.phases) < MOST
+        halved |= halve
+        phases.append(_halved(system, at, k, segments, long) if halve else segments)
     return Unknowns(tuple(phases), at.shared) if halved else None
 
 

@@ -139,6 +139,6 @@ def _solved(matrix: Array, right: Array) -> Array:
     if not np.isfinite(matrix).all():
         return np.full(right.shape, np.nan)
     try:
-        return np.linalg.solve(matrix, right)
+        return np.asarray(np.linalg.solve(matrix, right))
     except np.linalg.LinAlgError:
         return np.full(right.shape, np.nan)

@@ -47,8 +47,8 @@ def focal_point(system: System, at: Unknowns, scales: Scales) -> str:
             if values[-1] / values[0] < OPEN * least[-1] / least[0]:
                 name = system.setting.name(i)
                 return (
-                    f"an arc of {name} at its {side} bound may come first, and nothing determines its "
-                    "length: the final time is a focal point"
+                    f"an arc of {name} at its {side} bound may come first, and nothing determines "
+                    "its length: the final time is a focal point"
                 )
     return ""
 

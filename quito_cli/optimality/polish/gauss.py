@@ -1,7 +1,7 @@
 """Gauss-Legendre collocation: the points, and the matrices of its implicit Runge-Kutta method.
 
-With the s roots c_i of the shifted Legendre polynomial, the polynomial of degree s that starts at y₀
-and satisfies y' = F at t₀ + c_i h is
+With the s roots c_i of the shifted Legendre polynomial, the polynomial of degree s that starts at
+y₀ and satisfies y' = F at t₀ + c_i h is
 
     Y_i = y₀ + h Σ_j a_ij F(Y_j),      y₁ = y₀ + h Σ_j b_j F(Y_j),
 

@@ -7,7 +7,7 @@ multiplier is η = ζ_{q−1}, and the jump where the arc begins has the multipl
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,6 @@ from quito_cli.optimality.hamiltonian import sampled
 from quito_cli.optimality.look import Look, bounded_states
 from quito_cli.optimality.polish.ends import Ends
 from quito_cli.optimality.polish.flow import inputs
-from quito_cli.optimality.polish.gauss import Gauss
 from quito_cli.optimality.polish.newton import Scales
 from quito_cli.optimality.polish.setting import Setting
 from quito_cli.optimality.polish.structure import Held, Phase, Structure
@@ -407,6 +406,3 @@ class Again:
             for i, (row, _) in enumerate(law.held):
                 eta[own, row] = z[:, len(law.between) + i]
         return y, u, eta
-
-
-__all__ = ["Direct", "Gauss", "ends_of", "replace", "scales_of", "started"]

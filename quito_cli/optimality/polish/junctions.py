@@ -1,14 +1,14 @@
-"""What holds at the junctions of a structure, and at the start of singular arcs and constraint arcs.
+"""What holds at the junctions of a structure, and where singular arcs and constraint arcs start.
 
     bound to bound                    H(u⁻) = H(u⁺)
     free (regular) to or from a bound H_u = 0 at the bound
     singular arc                      σ = σ' = … = 0 where it starts, all derivatives without u
     mixed constraint, regular control η = 0 on the side where it is held
       from or to a bound              C(x, bound) = 0; with the bound opposite, H_u = 0
-    state constraint of order q       S = … = S^(q−1) = 0 where it begins, λ⁺ = λ⁻ − Σ π_i ∇S^(i), and
-                                      H(λ⁻, u⁻) = H(λ⁻, u⁺): C = 0 before of a regular control, which
-                                      is continuous, H_u = 0 of one that H is affine in; η = 0 where
-                                      it ends
+    state constraint of order q       S = … = S^(q−1) = 0 where it begins, with
+                                      λ⁺ = λ⁻ − Σ π_i ∇S^(i) and H(λ⁻, u⁻) = H(λ⁻, u⁺): C = 0 before
+                                      of a regular control, which is continuous, H_u = 0 of one that
+                                      H is affine in; η = 0 where it ends
     touch of a state constraint       S = S' = 0, λ⁺ = λ⁻ − π ∇S
     point constraint                  c = its bound, λ⁺ = λ⁻ − Σ ρ ∇c; its time is known
 
@@ -124,7 +124,7 @@ def _switches(setting: Setting, before: Phase, after: Phase) -> Iterator[Conditi
     spoken = {i for held in changed for i in setting.active(held).controls}
     ends = ("lower", "upper")
     for i, (a, b) in enumerate(zip(before.kinds, after.kinds, strict=True)):
-        if a == b or i in spoken and "free" in (a, b):
+        if a == b or (i in spoken and "free" in (a, b)):
             continue
         if a in ends and b in ends:
             yield Condition(

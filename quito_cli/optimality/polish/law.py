@@ -216,7 +216,7 @@ def _feedback(arc: object, u: ca.SX) -> list[ca.SX]:
 def _solved(matrix: Array, right: Array) -> Array:
     """Solve at every point; NaN where the matrix is singular."""
     try:
-        return np.linalg.solve(matrix, right)
+        return np.asarray(np.linalg.solve(matrix, right))
     except np.linalg.LinAlgError:
         found = np.full(right.shape, np.nan)
         for k in range(len(matrix)):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from quito_cli.optimality.polish.chain import Found, Rows, solved
 from quito_cli.optimality.polish.flow import Linearised
 from quito_cli.optimality.polish.system import System
-from quito_cli.optimality.polish.unknowns import Segments, Unknowns
+from quito_cli.optimality.polish.unknowns import Unknowns
 
 Array = NDArray[np.float64]
 
@@ -119,7 +119,11 @@ def _damped(system: System, about: _About, found: Found, scales: Scales) -> _Abo
         tried = _about(system, _moved(system, about, found, scales, share), scales)
         if tried.norm < (1 - 0.1 * share) * about.norm or tried.norm <= SETTLED:
             return tried
-        if np.isfinite(tried.norm) and about.norm > NEARLY and _natural(system, about, tried, found, share):
+        if (
+            np.isfinite(tried.norm)
+            and about.norm > NEARLY
+            and _natural(system, about, tried, found, share)
+        ):
             return tried
         if about.norm <= NEARLY and tried.norm <= 2 * about.norm:
             return tried if tried.norm < about.norm else None
@@ -127,9 +131,7 @@ def _damped(system: System, about: _About, found: Found, scales: Scales) -> _Abo
     return None
 
 
-def _natural(
-    system: System, about: _About, tried: _About, found: Found, share: float
-) -> bool:
+def _natural(system: System, about: _About, tried: _About, found: Found, share: float) -> bool:
     """Whether the step that the old derivatives call for has become shorter.
 
     Where a junction moves, residuals grow that the next step takes back; the length of that step

@@ -30,12 +30,15 @@ from quito_cli.optimality.polish.revise import dropped, revised
 from quito_cli.optimality.polish.setting import Setting, UnsupportedError
 from quito_cli.optimality.polish.structure import Phase, Structure, assumed
 from quito_cli.optimality.polish.system import System
+from quito_cli.optimality.polish.written import exact
 from quito_cli.optimality.probes import TooLargeError
 from quito_cli.solution.polishing import Action, Polishing, PolishStatus, PolishStep
 
 if TYPE_CHECKING:
     from quito_cli.problem.model import Model
+    from quito_cli.problem.schema import Problem
     from quito_cli.solution.solution import Solution
+    from quito_cli.solve import Options
 
 Array = NDArray[np.float64]
 
@@ -82,6 +85,54 @@ class Ended:
     steps: tuple[PolishStep, ...]
     newton_steps: int
     extremal: Extremal | None
+
+
+def polish(problem: Problem, model: Model, options: Options, direct: Solution) -> Solution:
+    """Return the polished answer, or the direct one with the account of why it stands.
+
+    Args:
+        problem: what was solved.
+        model: its Model.
+        options: as resolved for the direct solve.
+        direct: its answer, with its arcs.
+    """
+    from quito_cli.optimality.polish.answer import answer
+
+    started = time.perf_counter()
+    ended = sought(model, direct)
+    found = ended.extremal
+    residual = found.solved.residuals[-1] if found else np.nan
+    segments = _count(found.solved.unknowns) if found else 0
+    account = Polishing(
+        ended.status,
+        ended.reason,
+        ended.steps,
+        residual,
+        time.perf_counter() - started,
+        direct.cost,
+        segments,
+        ended.newton_steps,
+    )
+    if found is None:
+        return replace(direct, polishing=account)
+    extremal = exact(found.system, found.solved.unknowns, residual)
+    polished = answer(problem, model, options, extremal, direct, account, account.seconds)
+    refusal = _refusal(polished)
+    if refusal:
+        steps = (*account.steps[:-1], PolishStep("refuse", refusal))
+        account = replace(
+            account, status=PolishStatus.NO_BETTER, reason=refusal, steps=steps, segments=0
+        )
+        return replace(direct, polishing=account)
+    return polished
+
+
+def _refusal(polished: Solution) -> str:
+    """Say what the evidence has against a polished answer; empty where it has nothing."""
+    if not polished.success:
+        return f"as a point of a collocation: {polished.status.value}"
+    failing = [row for row in polished.certificate if row.verdict == "fails"]
+    return f"{failing[0].condition} fails: {failing[0].reason}" if failing else ""
 
 
 def sought(model: Model, direct: Solution) -> Ended:
@@ -252,7 +303,10 @@ def _simpler(found: Extremal) -> tuple[Structure, str] | None:
     k = int(np.argmax(weakest)) + 1
     lengths = np.diff(structure.times)
     phase = k if lengths[k] <= lengths[k - 1] else k - 1
-    sentence = f"no extremal was found, and the time of the junction at {structure.times[k]:.6g} is known least: the arc beside it is left out"
+    sentence = (
+        f"no extremal was found, and the junction at {structure.times[k]:.6g} is known least: the arc "
+        "beside it is left out"
+    )
     return dropped(structure, phase).merged(), sentence
 
 
@@ -285,6 +339,3 @@ def described(setting: Setting, structure: Structure) -> str:
     for k, (row, _) in structure.touches:
         parts.append(f"{setting.system.rows[row].label} touched at {structure.times[k]:.6g}")
     return "; ".join(parts)
-
-
-__all__ = ["Ended", "Fault", "Polishing", "replace", "sought", "time"]

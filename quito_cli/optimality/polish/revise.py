@@ -1,8 +1,8 @@
 """The next structure to try: arcs that have no length dropped, arcs that are missing inserted.
 
-What each fault asks for is one row of a table. A fault says from when to when an inequality does not
-hold; there a phase of its own is cut out, and does what the inequality asks for. Where that is what
-the neighbouring phase does already, the two become one, and a junction has moved.
+What each fault asks for is one row of a table. A fault says from when to when an inequality does
+not hold; there a phase of its own is cut out, and does what the inequality asks for. Where that is
+what the neighbouring phase does already, the two become one, and a junction has moved.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ def _snapped(structure: Structure, fault: Fault) -> tuple[float, float]:
 
 def _violated(setting: Setting, structure: Structure, fault: Fault) -> Revision | None:
     assert fault.held is not None
-    known, label = setting.active(fault.held), setting.system.rows[fault.held[0]].label
+    known = setting.active(fault.held)
     if known.order is None:
         return None
     start, end = _snapped(structure, fault)

@@ -1,4 +1,4 @@
-"""What a polish knows of a problem before any structure: Pontryagin's system, and what its parts do.
+"""What a polish knows of a problem before any structure: Pontryagin's system and its parts.
 
 Everything symbolic is derived here once, and kept: how each control enters H, what each row says
 where it is active, which feedback singular controls follow.
@@ -7,7 +7,7 @@ where it is active, which feedback singular controls follow.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,7 +49,7 @@ class Setting:
         return controls(self.system, self.probe)
 
     def first_row_arc(self, direct: Solution) -> int:
-        """Return where the arcs of rows begin among those of an answer: they follow the controls'."""
+        """Return where the arcs of rows begin in an answer: they follow those of the controls."""
         names = {label for v in self.system.model.controls for label in v.labels}
         arcs = direct.arcs
         count = 0
@@ -71,12 +71,12 @@ class Setting:
             return np.zeros((len(t), 0))
         return sampled(self.row_function, (t, x, np.zeros_like(x), u, p, None, None))[0]
 
-    @lru_cache(maxsize=None)  # noqa: B019 - as long as the polish lasts
+    @cache  # noqa: B019 - as long as the polish lasts
     def active(self, held: Held) -> Active:
         """Return what holds where a row is at a bound."""
         return active(self.system, self.probe, held[0], upper=held[1])
 
-    @lru_cache(maxsize=None)  # noqa: B019 - as long as the polish lasts
+    @cache  # noqa: B019 - as long as the polish lasts
     def singular(self, phase: Phase) -> Singular | None:
         """Return the feedback of a phase's singular controls; None where there are none.
 

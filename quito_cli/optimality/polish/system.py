@@ -7,7 +7,6 @@ ends are rows of single nodes.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -373,6 +372,3 @@ def _leap(setting: Setting, own: list[Jump]) -> ca.Function:
     outputs += [stacked, *(ca.jacobian(stacked, s) for s in symbols[:3])]
     whole = ca.Function("leap", [*symbols, k.symbols], [ca.densify(v) for v in outputs])
     return ca.Function("leap", symbols, whole.call([*symbols, ca.SX(k.values)]))
-
-
-Builder = Callable[[Structure], System]
