@@ -278,7 +278,8 @@ def _solved(given: Direct, structure: Structure, last: Extremal | None, log: _Lo
         else Again(given, last.system, last.solved.unknowns).unknowns_of(system)
     )
     solved = iterate(system, start, scales)
-    log.tell("solve", f"{len(structure.phases)} phases, {_count(start)} segments", solved.residuals)
+    phases = "1 phase" if len(structure.phases) == 1 else f"{len(structure.phases)} phases"
+    log.tell("solve", f"{phases}, {_count(start)} segments", solved.residuals)
     for _ in range(HALVINGS):
         if not solved.converged:
             break
@@ -326,7 +327,8 @@ def described(setting: Setting, structure: Structure) -> str:
         said, start = [], 0
         for k in range(1, len(kinds) + 1):
             if k == len(kinds) or kinds[k] != kinds[start]:
-                said.append(f"{kinds[start]} to {structure.times[k]:.6g}")
+                kind = "interior" if kinds[start] == "free" else kinds[start]
+                said.append(f"{kind} to {structure.times[k]:.6g}")
                 start = k
         parts.append(f"{setting.name(i)}: " + ", ".join(said))
     for k, phase in enumerate(structure.phases):
