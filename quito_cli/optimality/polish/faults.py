@@ -294,7 +294,7 @@ def densities(
             weights = system.method.known.weights(
                 OFFSETS if count == len(OFFSETS) else system.method.known.points
             )
-            mu = np.einsum("mj,kj->km", weights, parts[..., -1]).ravel()
+            mu: Array = (parts[..., -1] @ weights.T).ravel()
             length = float(lengths(system, at)[k])
             sizes = np.abs(parts).max(axis=(0, 1))
             powers = length ** np.arange(1.0, len(sizes))
@@ -328,7 +328,7 @@ def _curved(system: System, at: Unknowns, pieces: tuple[Piece, ...]) -> Iterator
             function = setting.system.function("clebsch", [ca.densify(arc.clebsch)])
             count = len(arc.controls)
             matrix = along(function, given)[0].reshape(len(t), count, count)
-            least = np.linalg.eigvalsh((matrix + matrix.transpose(0, 2, 1)) / 2)[:, 0]
+            mu = np.asarray(parts[..., -1] @ weights.T, dtype=np.float64).ravel()
             wrong = -least / max(float(np.abs(matrix).max()), 1e-300) - SLIGHT
             yield from _bent(
                 wrong, t, k, "the generalised Legendre-Clebsch condition does not hold"
