@@ -42,6 +42,8 @@ def transversal(look: Look) -> Iterator[Condition]:
         look.impulses.boundary,
     )
     of_x0, of_xf, of_t0, of_tf, of_p = (np.array(v).ravel() for v in found)
+    for share, step in _steps_of_h(look):
+        of_t0, of_tf = of_t0 + (1 - share) * step, of_tf + share * step
     size = np.maximum(np.abs(given.costates).max(axis=0), look.least_costates)
     size = np.where(size > 1e-6 * size.max(), size, size.max())
     names = labels(m.states)
@@ -60,6 +62,24 @@ def transversal(look: Look) -> Iterator[Condition]:
         freedoms = ends.parameters
         yield from _end("parameter", freedoms, of_p, p, m.parameter_bounds, size_p,
                         labels(m.parameters), look, 0)  # fmt: skip
+
+
+def _steps_of_h(look: Look) -> Iterator[tuple[float, float]]:
+    """Give where in the horizon each point constraint is, and H⁻ + ρᵀ c_t − H⁺ there.
+
+    Its time moves with those of the ends, so that M_t_f + H(t_f) + Σ share · step = 0 and
+    M_t₀ − H(t₀) + Σ (1 − share) · step = 0.
+    """
+    import casadi as ca
+
+    m, h, f = look.system.model, look.point.hamiltonian, look.flow
+    for (k, rho), point in zip(look.impulses.points, m.constraints.point, strict=True):
+        if 0 < k < len(h):
+            inputs = [m.x, m.u, m.p, m.t]
+            by_t = ca.Function("by_t", inputs, [ca.densify(ca.jacobian(point.value, m.t))])
+            at = (look.panels.states[k], f.u[k], look.solution.parameters, look.panels.times[k])
+            slope = float(np.array(by_t(*at)).ravel() @ rho)
+            yield point.at or 0.0, float(h[k - 1] - h[k]) + slope
 
 
 def _last_costate(look: Look) -> Array:
