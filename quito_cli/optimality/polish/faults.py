@@ -158,8 +158,8 @@ def _beyond(system: System, pieces: tuple[Piece, ...]) -> Iterator[Fault]:
 def _chattering(system: System) -> Iterator[Fault]:
     """Give singular arcs of even order that a control jumps to: there is no such junction.
 
-    At a junction the order and the lowest derivative of u that jumps have an odd sum (J. P. McDanell
-    and W. F. Powers, SIAM J. Control 9, 1971); where u itself jumps, the order is odd.
+    At a junction the order and the lowest derivative of u that jumps have an odd sum (J. P.
+    McDanell and W. F. Powers, SIAM J. Control 9, 1971); where u itself jumps, the order is odd.
     """
     phases, times = system.structure.phases, system.structure.times
     for k in range(1, len(phases)):
@@ -339,7 +339,7 @@ def densities(
             weights = system.method.known.weights(
                 OFFSETS if count == len(OFFSETS) else system.method.known.points
             )
-            mu = np.einsum("mj,kj->km", weights, parts[..., -1]).ravel()
+            mu: Array = (parts[..., -1] @ weights.T).ravel()
             length = float(lengths(system, at)[k])
             sizes = np.abs(parts).max(axis=(0, 1))
             powers = length ** np.arange(1.0, len(sizes))
@@ -373,7 +373,8 @@ def _curved(system: System, at: Unknowns, pieces: tuple[Piece, ...]) -> Iterator
             function = setting.system.function("clebsch", [ca.densify(arc.clebsch)])
             count = len(arc.controls)
             matrix = along(function, given)[0].reshape(len(t), count, count)
-            least = np.linalg.eigvalsh((matrix + matrix.transpose(0, 2, 1)) / 2)[:, 0]
+            symmetric = (matrix + matrix.transpose(0, 2, 1)) / 2
+            least = np.asarray(np.linalg.eigvalsh(symmetric)[:, 0], dtype=np.float64)
             wrong = -least / max(float(np.abs(matrix).max()), 1e-300) - SLIGHT
             yield from _bent(
                 wrong, t, k, "the generalised Legendre-Clebsch condition does not hold"
