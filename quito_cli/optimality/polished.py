@@ -77,7 +77,7 @@ class Polished(Look):
         """−1 or +1 where a row is at its lower or upper bound; (P, rows)."""
         values = self.rows[0]
         lower, upper = _limits(self.system)
-        reach = AT_BOUND * _sizes_of(values)
+        reach = AT_BOUND * _sizes_of(self)
         return np.where(values >= upper - reach, 1, np.where(values <= lower + reach, -1, 0))
 
     @cached_property
@@ -123,9 +123,13 @@ def _limits(system: Pontryagin) -> Bounds:
     return Bounds(np.array([row.lower for row in rows]), np.array([row.upper for row in rows]))
 
 
-def _sizes_of(values: Array) -> Array:
-    """Return the sizes of rows by what they move by, (rows,)."""
-    found = np.maximum(np.ptp(values, axis=0), 1e-3 * np.abs(values).max(axis=0))
+def _sizes_of(look: Look) -> Array:
+    """Return the sizes of rows by what they move by, or a part of their terms, (rows,)."""
+    values, by_x, by_u = look.rows[:3]
+    f = look.flow
+    terms = np.abs(by_x * f.x[:, None, :]).sum(axis=2) + np.abs(by_u * f.u[:, None, :]).sum(axis=2)
+    least = 1e-3 * np.maximum(np.abs(values), terms).max(axis=0)
+    found = np.maximum(np.ptp(values, axis=0), least)
     return np.where(found > 0, found, 1.0)
 
 
@@ -157,7 +161,7 @@ def _signs(look: Polished, name: str, own: slice, never: str) -> Condition:
     struck = impulses[:, own]
     if not (mu.any() or struck.any()):
         return not_applicable(name, never)
-    sizes = _sizes_of(values)
+    sizes = _sizes_of(look)[own]
     p, x, u = look.solution.parameters, look.solution.state(t), look.solution.control(t)
     at_nodes = look.carrier.rows_at(t, x, u, p)[0][:, own]
     off = []
@@ -224,7 +228,7 @@ def _held(look: Polished) -> Iterator[tuple[Arc, Array]]:
     of_controls, of_rows = by_quantity(look.arcs, look.names)
     (lower, upper), (low, high) = look.system.model.control_bounds, _limits(look.system)
     u, values, mu = look.flow.u, look.rows[0], np.abs(look.along.mu)
-    sizes, most = _sizes_of(values), positive(mu.max(axis=0, initial=0.0))
+    sizes, most = _sizes_of(look), positive(mu.max(axis=0, initial=0.0))
     for i, label in enumerate(look.names):
         for arc in of_controls.get(label, []):
             bound = {"lower": lower[i], "upper": upper[i]}.get(arc.kind)
