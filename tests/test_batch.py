@@ -160,7 +160,7 @@ def test_interrupted_solves_keep_their_best_iterate(tmp_path: Path) -> None:
         stop=lambda: any(word is not None for word in words),
         watch=lambda name, word: words.append(word),
     )
-    (only,) = run_cases([Case("a", "inverted_pendulum", {"tolerance": 1e-14})], how)
+    (only,) = run_cases([Case("a", "rayleigh", {"tolerance": 1e-15})], how)
     assert only.ending is Ending.INTERRUPTED
     assert only.result is not None
     assert quito.Solution.load(only.result).status.name == "INTERRUPTED"
@@ -629,8 +629,8 @@ def test_nothing_in_the_working_folder_is_imported(
 HANGING = """\
 cases:
   - push.yaml
-  - problem: inverted_pendulum
-    options: {tolerance: 1e-15, steps: 3000}
+  - problem: rayleigh
+    options: {tolerance: 1e-15, steps: 2000}
 """
 
 

@@ -26,10 +26,10 @@ from quito_cli.errors import UsageError
 
 _LOOK: Final = 0.1
 """Seconds between two looks at the clock and at whether to stop."""
-_LOADING: Final = 60.0
+_LOADING: Final = 120.0
 """Seconds that a worker may take to load its modules before its case begins."""
-_GRACE: Final = 5.0
-"""Seconds that a case has to stop with what it has."""
+_GRACE: Final = 20.0
+"""Seconds that a case has to stop, and to look at what it has reached."""
 _LAST_WORDS: Final = 300
 """Characters of what a dead worker printed that are told."""
 NO_LIMITS: Final = Limits(None, None)

@@ -182,7 +182,6 @@ class _Process:
         self._excess = 0
         self.memory: int | None = None
         self._ended = threading.Event()
-        self._ending = threading.Lock()
         self._watcher = threading.Thread(target=self._watch, daemon=True)
         self._watcher.start()
         with suppress(OSError):
@@ -236,15 +235,21 @@ class _Process:
         source = self._popen.stdout
         assert source is not None
         with source:
+            listening = [source.fileno()]
             while not self._ended.is_set():
-                if wait([source.fileno()], _LOOK):
+                if wait(listening, _LOOK):
                     printed = os.read(source.fileno(), 65536)
                     self._tail = (self._tail + printed)[-_TAIL:]
-                    if not printed:
-                        return
-                if self.memory is not None and not self._excess and self.rss() > self.memory:
-                    self._excess = self.rss()
-                    self._kill()
+                    listening = listening if printed else []
+                if not listening:  # it will print no more, but it may still grow
+                    self._ended.wait(_LOOK)
+                self._weigh()
+
+    def _weigh(self) -> None:
+        """End the process where it holds more than it may."""
+        if self.memory is not None and not self._excess and (held := self.rss()) > self.memory:
+            self._excess = held
+            self._kill()
 
 
 def _environment() -> dict[str, str]:

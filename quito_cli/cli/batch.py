@@ -53,7 +53,8 @@ def batch(
         typer.Option(metavar="SIZE", help="Of each case, such as 2GB; wins over the suite's."),
     ] = None,
     keep: Annotated[
-        str, typer.Option(help="Result files that stay: all, failed (those of other cases), none.")
+        str,
+        typer.Option(help="Result files that stay: all, failed (of cases that do not pass), none."),
     ] = "all",
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on where a run of these cases stopped.")
