@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,11 @@ def finished(
     """A case of the problem `van_der_pol` with these figures."""
     given = Case(name, "van_der_pol", **(case or {}))
     return Finished(given, ending, message, figures, checks, seconds, result)
+
+
+def answered(name: str, figures: Mapping[str, Figure], ending: Ending = Ending.PASSED) -> Finished:
+    """A case of the problem `van_der_pol` with these figures."""
+    return Finished(Case(name, "van_der_pol"), ending, "", figures, (), 0.5, None)
 
 
 def outside(figure: str = "cost", sentence: str = "cost is 2, expected 1 ± 1e-06") -> Check:

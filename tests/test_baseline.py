@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 
 import pytest
-from finished import finished, outside
+from finished import answered, finished, outside
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -43,7 +43,7 @@ def against(
     given = baseline or Baseline()
     kept = Baseline({"a": before}, given.tolerances, given.exceptions)
     sense = maximised if maximize else minimised
-    rows = compare(kept, [finished("a", **after)], None, sense, whole=True)
+    rows = compare(kept, [answered("a", after)], None, sense, whole=True)
     return {row.figure: row for row in rows}
 
 
@@ -226,7 +226,7 @@ def test_figures_and_cases_that_one_side_alone_has() -> None:
 def test_an_ending_without_an_answer_is_worse_than_an_answer(ending: Ending) -> None:
     kept = Baseline({"a": {"cost": 1.0}})
     figures: dict[str, Figure] = {"cost": 1.0} if ending in (Ending.PASSED, Ending.OUTSIDE) else {}
-    found = compare(kept, [finished("a", ending, **figures)], None, minimised, whole=True)
+    found = compare(kept, [answered("a", figures, ending)], None, minimised, whole=True)
     expected = {
         Ending.PASSED: [("cost", SAME)],
         Ending.OUTSIDE: [("cost", SAME)],
@@ -295,7 +295,7 @@ def test_what_it_takes_to_be_compared_is_known_before() -> None:
 
 
 def run_of(**figures: Figure) -> list[Finished]:
-    return [finished("a", **figures)]
+    return [answered("a", figures)]
 
 
 def recorded(kept: Baseline, run: list[Finished], calibration: float | None = None) -> Baseline:
@@ -531,6 +531,6 @@ def test_a_calibration_is_the_median_of_its_solves(monkeypatch: pytest.MonkeyPat
         return 0.0
 
     monkeypatch.setattr(calibration, "solve", solve)
-    monkeypatch.setattr(calibration.time, "perf_counter", lambda: clock)
+    monkeypatch.setattr("time.perf_counter", lambda: clock)
     assert calibration.calibrate() == pytest.approx(0.3)
     assert next(took, None) is None

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from quito_cli.batch.baseline import known
+from quito_cli.batch.baseline import ANSWERED, known
 from quito_cli.batch.case import Ending, Figure, Finished
 from quito_cli.batch.comparing import ENDING, Difference, Verdict
 from quito_cli.batch.report import WORDS, Report
@@ -56,7 +56,7 @@ class Row:
     values: tuple[float | None, ...]
     """By column, to sort by."""
     reasons: tuple[str, ...]
-    """Sentences: why it failed; what there is to say of one that passed."""
+    """Why it failed, in sentences."""
 
     @property
     def name(self) -> str:
@@ -115,7 +115,7 @@ def _row(report: Report, case: Finished, columns: Sequence[Column]) -> Row:
 
 def _reasons(report: Report, case: Finished) -> Iterator[str]:
     yield from (check.sentence for check in case.checks if not check.passed)
-    if case.message and (case.ending is not Ending.OUTSIDE or not case.checks):
+    if case.message and case.ending not in ANSWERED:
         yield case.message
     for row in report.failing.get(case.case.name, ()):
         if row.figure != ENDING:
