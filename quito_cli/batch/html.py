@@ -140,11 +140,11 @@ def _differences(report: Report) -> Iterator[str]:
         return
     yield "<h2>Against the baseline</h2>"
     yield '<table class="cards">\n<thead><tr>'
-    yield "".join(f"<th><button>{heading or '·'}</button></th>" for heading in DIFFERENCES)
+    yield "".join(f"<th><button>{heading}</button></th>" for heading in DIFFERENCES)
     yield "</tr></thead>\n<tbody>"
     for row in rows:
         bad = "bad" if row[0] in ("worse", "missing") else "good"
-        cells = [f'<td class="result" data-label="">{row[0]}</td>']
+        cells = [f'<td class="result" data-label="verdict">{row[0]}</td>']
         cells += [
             f'<td data-label="{heading}">{_text(cell)}</td>'
             for heading, cell in zip(DIFFERENCES[1:], row[1:], strict=True)

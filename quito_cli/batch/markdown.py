@@ -25,7 +25,7 @@ _ROOM: Final = (MOST // 2, MOST // 4, MOST // 8)
 """Bytes for each of the tables: of the failed, of the differences, of the rest."""
 _LONGEST: Final = 400
 """Characters of a cell."""
-_MARKS: Final = re.compile(r"[\\`*_\[\]|~$@:]|(?<=www)\.", re.IGNORECASE)
+_MARKS: Final = re.compile(r"[\\`*_\[\]|~$@]|:(?=//)|(?<=www)\.", re.IGNORECASE)
 """What has a meaning within a line of Markdown, and what GitHub makes links of."""
 
 

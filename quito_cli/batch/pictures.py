@@ -48,10 +48,13 @@ def pictures(report: Report, which: str) -> Mapping[str, str]:
 
 def _picture(case: Finished) -> str:
     assert case.result is not None
+    from matplotlib import rc_context
+
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # no word on fonts being looked for
     drawn = io.BytesIO()
     try:
-        with warnings.catch_warnings():  # a title may have letters that the font has not
+        with warnings.catch_warnings(), rc_context({"svg.hashsalt": "quito"}):
+            # a title may have letters that the font has not
             warnings.filterwarnings("ignore", "Glyph .* missing from font")
             made = figure(Solution.load(case.result), DEFAULT)
             made.savefig(drawn, format="svg", metadata={"Date": None})

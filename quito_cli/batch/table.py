@@ -135,8 +135,8 @@ def in_a_sentence(row: Difference) -> str:
     return f"{said}: {row.note}" if row.note else said
 
 
-DIFFERENCES: Final = ("", "case", "figure", "baseline", "now", "change", "allowed", "")
-"""Headings of the table of differences; the first is the verdict, the last a note."""
+DIFFERENCES: Final = ("verdict", "case", "figure", "baseline", "now", "change", "allowed", "note")
+"""Headings of the table of differences."""
 
 
 def differences(report: Report) -> tuple[tuple[str, ...], ...]:
