@@ -103,6 +103,6 @@ def _line(cells: Iterable[str]) -> str:
 
 def escaped(text: str) -> str:
     """Return text that Markdown shows as it is, on one line; long text is cut."""
-    words = " ".join(shown(text).split())
+    words = " ".join(shown(text[: 4 * _LONGEST]).split())
     words = words if len(words) <= _LONGEST else f"{words[: _LONGEST - 3]}..."
     return _MARKS.sub(r"\\\g<0>", html.escape(words, quote=False))
