@@ -121,9 +121,9 @@ def test_rows_say_why() -> None:
 
 def test_differences_stand_worst_first_with_their_change() -> None:
     assert differences(held(*ABC)) == (
-        ("worse", "a", "iterations", "10", "20", "+10 (+100.0%)", "3", ""),
+        ("worse", "a", "iterations", "10", "20", "+10 (+100 %)", "3", ""),
         ("missing", "old", "", "solved", "-", "", "", ""),
-        ("better", "b", "error l2", "0.1", "0.05", "-0.05 (-50.0%)", "0.02", ""),
+        ("better", "b", "error l2", "0.1", "0.05", "-0.05 (-50 %)", "0.02", ""),
         ("new", "c", "", "-", "solved", "", "", ""),
     )
     note = Difference("a", "cost", Verdict.WORSE, 0, -1e-4, 1e-9, "it claims more")
@@ -253,9 +253,9 @@ def test_markdown_shows_the_failed_first_and_folds_the_rest() -> None:
         "### Against the baseline\n\n"
         "| verdict | case | figure | baseline | now | change | allowed | note |\n"
         "| --- | --- | --- | --- | --- | --- | --- | --- |\n"
-        "| worse | a | iterations | 10 | 20 | +10 (+100.0%) | 3 |  |\n"
+        "| worse | a | iterations | 10 | 20 | +10 (+100 %) | 3 |  |\n"
         "| missing | old |  | solved | - |  |  |  |\n"
-        "| better | b | error l2 | 0.1 | 0.05 | -0.05 (-50.0%) | 0.02 |  |\n"
+        "| better | b | error l2 | 0.1 | 0.05 | -0.05 (-50 %) | 0.02 |  |\n"
         "| new | c |  | - | solved |  |  |  |\n\n"
         "<details><summary>2 cases passed</summary>\n\n"
         "| case | cost | iterations | time |\n"

@@ -101,7 +101,7 @@ def _cases(made: Table, report: Report) -> Iterator[str]:
     headings = ("case", "result", *(column.heading for column in made.columns), "time")
     helps = ("", "", *(column.help for column in made.columns), "of the whole case")
     yield '<h2>Cases</h2>\n<input type="search" placeholder="Show names with…" hidden>'
-    yield '<table class="cards" id="cases">\n<thead><tr>'
+    yield '<div class="wide"><table class="cards" id="cases">\n<thead><tr>'
     for i, (heading, help) in enumerate(zip(headings, helps, strict=True)):
         kind = ' class="number"' if i > 1 else ""
         yield f'<th{kind} title="{_text(help)}"><button>{heading}</button></th>'
@@ -109,11 +109,11 @@ def _cases(made: Table, report: Report) -> Iterator[str]:
     for row in (*made.failed, *made.passed):
         yield _row(row, made)
     for name in report.gone:
-        label = f'data-name="{_text(name)}"'
-        result = f'<td class="result" data-label="result">missing: {GONE}</td>'
+        label = f'data-name="{_text(name)}" title="{GONE}"'
+        result = '<td class="result" data-label="result">missing</td>'
         rest = "<td></td>" * (len(made.columns) + 1)
         yield f'<tr class="bad" {label}><td class="name">{_text(name)}</td>{result}{rest}</tr>'
-    yield "</tbody>\n</table>"
+    yield "</tbody>\n</table></div>"
 
 
 def _row(row: Row, made: Table) -> str:
@@ -139,7 +139,7 @@ def _differences(report: Report) -> Iterator[str]:
     if not rows:
         return
     yield "<h2>Against the baseline</h2>"
-    yield '<table class="cards">\n<thead><tr>'
+    yield '<div class="wide"><table class="cards">\n<thead><tr>'
     yield "".join(f"<th><button>{heading}</button></th>" for heading in DIFFERENCES)
     yield "</tr></thead>\n<tbody>"
     for row in rows:
@@ -150,7 +150,7 @@ def _differences(report: Report) -> Iterator[str]:
             for heading, cell in zip(DIFFERENCES[1:], row[1:], strict=True)
         ]
         yield f'<tr class="{bad}">{"".join(cells)}</tr>'
-    yield "</tbody>\n</table>"
+    yield "</tbody>\n</table></div>"
 
 
 def _undrawn(rows: Sequence[Row], drawn: Mapping[str, str]) -> Iterator[str]:
@@ -170,16 +170,17 @@ def _case(row: Row, picture: str | None) -> Iterator[str]:
     yield f"</summary>\n<p>{_text(case.ending.value)}</p>"
     if case.message:
         yield f"<pre>{_text(case.message)}</pre>"
-    said = [reason for reason in row.reasons if reason != case.message]
-    said += [check.sentence for check in case.checks if check.passed]
+    said = [(reason, "bad") for reason in row.reasons if reason != case.message]
+    said += [(check.sentence, "good") for check in case.checks if check.passed]
     if said:
-        yield f"<ul>{''.join(f'<li>{_text(sentence)}</li>' for sentence in said)}</ul>"
-    yield from _facts(row)
+        lines = (f'<li class="{kind}">{_text(sentence)}</li>' for sentence, kind in said)
+        yield f"<ul>{''.join(lines)}</ul>"
     if picture is not None and picture.startswith("data:"):
         alt = f"States and controls of {_text(row.name)}"
         yield f'<div class="picture"><img alt="{alt}" src="{picture}"></div>'
     elif picture is not None:
         yield f"<p>{_text(picture)}</p>"
+    yield from _facts(row)
     yield "</details>"
 
 
@@ -190,7 +191,9 @@ def _facts(row: Row) -> Iterator[str]:
     facts |= {f"set {name}": str(value) for name, value in case.case.constants.items()}
     facts |= {name.replace("_", " "): figure(value) for name, value in case.figures.items()}
     facts |= {"time": row.seconds} | ({"result": str(case.result)} if case.result else {})
-    pairs = (f"<dt>{_text(name)}</dt><dd>{_text(said)}</dd>" for name, said in facts.items())
+    pairs = (
+        f"<div><dt>{_text(name)}</dt><dd>{_text(said)}</dd></div>" for name, said in facts.items()
+    )
     yield f"<dl>{''.join(pairs)}</dl>"
 
 

@@ -35,7 +35,7 @@ class Column:
 
 COLUMNS: Final = (
     Column("cost", "cost", ".8g", "as solved"),
-    Column("cost_error", "cost error", "+.1e", "cost - that of the reference"),
+    Column("cost_error", "cost error", ".1e", "distance from the cost of the reference"),
     Column("error_l2", "L2 error", ".2g", "of the control against the reference"),
     Column("violation", "violation", ".1e", "of any condition, between the nodes too"),
     Column("ringing", "ringing", ".2g", "ringing index; to about 1 it is none"),
@@ -164,7 +164,10 @@ def _change(before: Figure, after: Figure) -> str:
     a, b = _number(before), _number(after)
     if a is None or b is None or not (math.isfinite(a) and math.isfinite(b)):
         return ""
-    part = f" ({(b - a) / abs(a):+.1%})" if a and abs(b - a) < 10 * abs(a) else ""
+    percent = 100 * (b - a) / abs(a) if a else math.inf
+    if abs(percent) > 1000:
+        return f"{b - a:+.2g}"
+    part = f" ({percent:{'+.0f' if abs(percent) >= 10 else '+.2g'}} %)"
     return f"{b - a:+.2g}{part}"
 
 
