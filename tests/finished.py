@@ -38,16 +38,20 @@ def outside(figure: str = "cost", sentence: str = "cost is 2, expected 1 ± 1e-0
 
 def report(*cases: Finished, **given: Any) -> Report:
     """A run of these cases."""
-    return Report(given.pop("suite", "nightly"), cases, given.pop("seconds", 12.0), **given)
+    named = given.pop("suite", "nightly"), given.pop("title", "")
+    return Report(*named, len(cases), cases, given.pop("seconds", 12.0), **given)
 
 
+_SOLVED = (Ending.PASSED, Ending.OUTSIDE)
 OF_EACH = tuple(
-    finished(
-        ending.name.lower(),
+    Finished(
+        Case(ending.name.lower(), "van_der_pol"),
         ending,
         "" if ending is Ending.PASSED else f"Said of {ending.name.lower()}.",
-        checks=(outside(),) if ending is Ending.OUTSIDE else (),
-        **({"cost": 1.5, "iterations": 12} if ending in (Ending.PASSED, Ending.OUTSIDE) else {}),
+        {"cost": 1.5, "iterations": 12} if ending in _SOLVED else {},
+        (outside(),) if ending is Ending.OUTSIDE else (),
+        0.5,
+        None,
     )
     for ending in Ending
 )

@@ -54,7 +54,8 @@ ABC = tuple(answered(name, {"cost": 1.0, "iterations": 20}) for name in "abc")
         ((Ending.OUTSIDE, Ending.CRASHED), 1, "2 of 2 cases failed: 1 outside, 1 crashed."),
         ((Ending.REFUSED, Ending.TIMED_OUT, Ending.OUTSIDE), 2, None),
         ((Ending.OUT_OF_MEMORY, Ending.OUTSIDE), 1, None),
-        ((Ending.REFUSED, Ending.INTERRUPTED), 130, None),
+        ((Ending.REFUSED, Ending.INTERRUPTED), 2, None),
+        ((Ending.PASSED, Ending.INTERRUPTED), 0, "1 of 2 cases failed: 1 interrupted."),
     ],
 )
 def test_the_gravest_ending_is_that_of_the_run(

@@ -9,7 +9,7 @@ steps, from update to update, either. Times are recorded in calibration solves.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final
@@ -98,19 +98,22 @@ def updated(
     finished: Sequence[Finished],
     same: Mapping[str, frozenset[str]],
     calibration: float | None,
+    everything: Collection[str] | None,
 ) -> Baseline:
-    """Return the baseline with what a whole run has found; tolerances stay as they are.
+    """Return the baseline with what a run has found; tolerances stay as they are.
 
-    A case without an answer keeps what is recorded of it, and one that is not of the run any more
-    is left out.
+    A case without an answer keeps what is recorded of it.
 
     Args:
         baseline: as it was; an empty one to begin with.
-        finished: all cases of a run.
+        finished: the cases of a run.
         same: by case the figures that are within their tolerances, and stay.
         calibration: seconds of a calibration solve; None leaves the times out.
+        everything: names of all cases of the suite: others are left out. None of a run of a part
+            of the suite, where others stay.
     """
-    cases: dict[str, Figures] = {}
+    stay = baseline.cases if everything is None else baseline.cases.keys() & set(everything)
+    cases = {name: baseline.cases[name] for name in stay}
     for case in finished:
         name = case.case.name
         recorded = baseline.cases.get(name, {})

@@ -18,7 +18,7 @@ nor the re-simulation gap became worse with it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Final
@@ -64,6 +64,7 @@ ENDING: Final = "ending"
 """Stands for a figure where a case has none, or is new or missing altogether."""
 SOLVED: Final = "solved"
 """What a baseline says of the ending of a case that it has."""
+_NOT_SOUGHT: Final = "it was not looked for: was the run resumed from one without this baseline?"
 _EVIDENCE: Final = ("violation", "resimulation_gap")
 """What must not become worse for a cost to become better."""
 
@@ -73,8 +74,7 @@ def compare(
     finished: Sequence[Finished],
     calibration: float | None,
     maximises: Callable[[Case], bool],
-    *,
-    whole: bool,
+    everything: Collection[str] | None,
 ) -> tuple[Difference, ...]:
     """Return every figure of a run beside what is recorded of it, by case.
 
@@ -83,7 +83,8 @@ def compare(
         finished: the cases of the run; one that was interrupted is not looked at.
         calibration: seconds of a calibration solve; None leaves the times out.
         maximises: whether the problem of a case is a maximisation.
-        whole: whether the run was of all cases, so that one which is not there is missing.
+        everything: names of all cases of the suite: one that is not among them is missing. None
+            of a run of a part of the suite.
     """
     rows: list[Difference] = []
     for case in finished:
@@ -100,8 +101,8 @@ def compare(
         elif recorded is not None:
             ending = case.ending.name.lower().replace("_", " ")
             rows.append(Difference(name, ENDING, Verdict.WORSE, SOLVED, ending))
-    if whole:
-        gone = sorted(baseline.cases.keys() - {case.case.name for case in finished})
+    if everything is not None:
+        gone = sorted(baseline.cases.keys() - set(everything))
         rows += [Difference(name, ENDING, Verdict.MISSING, SOLVED, None) for name in gone]
     return tuple(rows)
 
@@ -129,7 +130,9 @@ def _of_case(
             continue
         before, after, rule = recorded.get(figure), found.get(figure), RULES[figure]
         verdict, allowed = judged(before, after, tolerance, rule)
-        rows[figure] = Difference(name, figure, verdict, before, after, allowed)
+        sought = (rule.of or figure) in case.figures
+        note = "" if sought or verdict is not Verdict.MISSING else _NOT_SOUGHT
+        rows[figure] = Difference(name, figure, verdict, before, after, allowed, note)
     cost = rows.get("cost")
     if cost is not None and cost.verdict is Verdict.WORSE:
         sense = -1 if maximises(case.case) else 1

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any
 
-from quito_cli.batch.case import Check, Figure, Finished
+from quito_cli.batch.case import Case, Check, Figure, Finished
 from quito_cli.batch.comparing import Difference, Verdict
 from quito_cli.batch.report import Report
 
@@ -14,13 +13,14 @@ def as_dictionary(report: Report) -> dict[str, Any]:
     """Return what `--json` prints; figures that are not finite are still numbers here."""
     return {
         "suite": report.suite,
+        "title": report.title,
         "verdict": report.verdict,
         "exit_code": report.exit_code,
-        "count": len(report.finished),
+        "counts": {ending.name.lower(): count for ending, count in report.counts.items()},
+        "not_begun": report.cases - len(report.finished),
         "failed": sum(map(report.failed, report.finished)) + len(report.gone),
-        "endings": {ending.name.lower(): count for ending, count in report.counts.items()},
         "seconds": report.seconds,
-        "cases": [_case(report, case) for case in report.finished],
+        "cases": [_finished(report, one) for one in report.finished],
         "baseline": None
         if report.baseline is None
         else {
@@ -34,27 +34,41 @@ def as_dictionary(report: Report) -> dict[str, Any]:
     }
 
 
-def _case(report: Report, case: Finished) -> dict[str, Any]:
+def of_case(case: Case) -> dict[str, Any]:
+    """Return what a case is."""
     return {
-        "name": case.case.name,
-        "problem": case.case.problem,
-        "options": dict(case.case.options),
-        "set": dict(case.case.constants),
-        "axes": dict(case.case.axes),
-        "ending": case.ending.name.lower(),
-        "failed": report.failed(case),
-        "message": case.message,
-        "figures": {name: _plain(figure) for name, figure in case.figures.items()},
-        "checks": [_check(check) for check in case.checks],
-        "seconds": case.seconds,
-        "result": None if case.result is None else str(case.result),
+        "case": case.name,
+        "problem": case.problem,
+        "options": dict(case.options),
+        "set": dict(case.constants),
+        "axes": dict(case.axes),
+        "follows": case.follows,
+        "expect": [
+            {key: _plain(value) for key, value in vars(one).items() if value is not None}
+            for one in case.expectations
+        ],
+    }
+
+
+def _finished(report: Report, one: Finished) -> dict[str, Any]:
+    return of_case(one.case) | {
+        "ending": one.ending.name.lower(),
+        "failed": report.failed(one),
+        "message": one.message,
+        "figures": {name: _plain(figure) for name, figure in one.figures.items()},
+        "checks": [_check(check) for check in one.checks],
+        "seconds": one.seconds,
+        "result": None if one.result is None else str(one.result),
     }
 
 
 def _check(check: Check) -> dict[str, Any]:
-    expectation = {key: _plain(value) for key, value in asdict(check.expectation).items()}
-    said = {"found": _plain(check.found), "passed": check.passed, "sentence": check.sentence}
-    return expectation | said
+    return {
+        "figure": check.expectation.figure,
+        "found": _plain(check.found),
+        "passed": check.passed,
+        "sentence": check.sentence,
+    }
 
 
 def _difference(row: Difference) -> dict[str, Any]:

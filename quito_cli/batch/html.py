@@ -66,7 +66,7 @@ def page(report: Report, drawn: Mapping[str, str]) -> Iterator[str]:
     made = table(report)
     yield from _head(report, style, script)
     good = report.exit_code == 0
-    yield f"<h1>{_text(report.suite)}</h1>"
+    yield f"<h1>{_text(report.heading)}</h1>"
     yield f'<p class="verdict{"" if good else " bad"}">{_text(report.verdict)}</p>'
     yield f'<p class="faint">{seconds(report.seconds)}, quito {__version__}</p>'
     yield from _cases(made, report)
@@ -88,7 +88,7 @@ def _head(report: Report, style: str, script: str) -> Iterator[str]:
     yield '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">'
     yield f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
     yield '<meta name="viewport" content="width=device-width, initial-scale=1">'
-    yield f"<title>{_text(report.suite)}: {_text(report.verdict)}</title>"
+    yield f"<title>{_text(report.heading)}: {_text(report.verdict)}</title>"
     yield f"<style>{style}</style>\n</head>\n<body>"
 
 

@@ -48,7 +48,7 @@ def markdown(report: Report) -> str:
     made = table(report)
     sign = "✅" if report.exit_code == 0 else "❌"
     parts = [
-        f"## {sign} {escaped(report.suite)}",
+        f"## {sign} {escaped(report.heading)}",
         f"{escaped(report.verdict)} The run took {seconds(report.seconds)}.",
     ]
     if made.failed or report.gone:

@@ -14,6 +14,7 @@ from typing import Final
 
 from quito_cli.batch.case import Ending, Finished
 from quito_cli.batch.comparing import Difference, Verdict
+from quito_cli.batch.recorded import counted, exit_code
 from quito_cli.errors import GateError
 
 WORDS: Final[Mapping[Ending, str]] = {
@@ -27,8 +28,6 @@ WORDS: Final[Mapping[Ending, str]] = {
     Ending.INTERRUPTED: "interrupted",
 }
 """Endings in a word or two."""
-_GRAVITY: Final = (0, 3, 1, 2, 130)
-"""Exit codes; of several that apply, the last in this row."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +36,10 @@ class Report:
 
     suite: str
     """Name."""
+    title: str
+    """What the suite calls itself; may be empty."""
+    cases: int
+    """How many there are in the suite; those that have not begun are not among the finished."""
     finished: tuple[Finished, ...]
     """In the order of the suite."""
     seconds: float
@@ -51,8 +54,7 @@ class Report:
     @cached_property
     def counts(self) -> Mapping[Ending, int]:
         """Cases by ending; endings that no case has are left out."""
-        counted = Counter(case.ending for case in self.finished)
-        return {ending: counted[ending] for ending in Ending if counted[ending]}
+        return counted(self.finished)
 
     @cached_property
     def verdicts(self) -> Mapping[Verdict, int]:
@@ -79,12 +81,15 @@ class Report:
         there = {case.case.name for case in self.finished}
         return tuple(name for name in self.failing if name not in there)
 
+    @property
+    def heading(self) -> str:
+        """What to call it."""
+        return self.title or self.suite
+
     @cached_property
     def exit_code(self) -> int:
-        """What the command ends with: the gravest of what its cases and the baseline ask for."""
-        codes = [ending.exit_code for ending in self.counts]
-        codes += [GateError.exit_code] if self.failing else []
-        return max(codes, key=_GRAVITY.index, default=0)
+        """What the command ends with, unless it was interrupted."""
+        return exit_code(self.finished) or (GateError.exit_code if self.failing else 0)
 
     @cached_property
     def verdict(self) -> str:
@@ -108,13 +113,18 @@ class Report:
             parts = [*of_each, *([f"{worse} worse than the baseline"] if worse else [])]
             of_all = "the one case" if count == 1 else f"{count} cases"
             said = f"{failed} of {of_all} failed: {', '.join(parts)}"
-        return f"{said}. {self._against()}".strip()
+        if left := self.cases - count:
+            said += f"; {left} had not begun"
+        return f"{said}. {self.against}".strip()
 
-    def _against(self) -> str:
+    @property
+    def against(self) -> str:
         """What the baseline says, in a sentence."""
         if self.baseline is None:
             return ""
         if self.recorded:
             return "The baseline was written anew."
         told = [f"{n} {v.value}" for v, n in self.verdicts.items() if v is not Verdict.SAME]
-        return f"Against the baseline: {', '.join(told)}." if told else "As the baseline has it."
+        if told:
+            return f"Against the baseline: {', '.join(told)}."
+        return "As the baseline has it." if self.differences else "The baseline knows none of them."
