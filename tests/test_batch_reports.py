@@ -49,7 +49,7 @@ ABC = tuple(answered(name, {"cost": 1.0, "iterations": 20}) for name in "abc")
         ((), 0, "There was no case to run."),
         ((Ending.PASSED,), 0, "The one case passed."),
         ((Ending.PASSED,) * 3, 0, "All 3 cases passed."),
-        ((Ending.OUTSIDE,), 3, "1 of the one case failed: 1 outside."),
+        ((Ending.OUTSIDE,), 3, "The one case failed: 1 outside."),
         ((Ending.PASSED, Ending.UNSOLVED), 1, "1 of 2 cases failed: 1 not solved."),
         ((Ending.OUTSIDE, Ending.CRASHED), 1, "2 of 2 cases failed: 1 outside, 1 crashed."),
         ((Ending.REFUSED, Ending.TIMED_OUT, Ending.OUTSIDE), 2, None),
@@ -81,11 +81,20 @@ def test_what_is_worse_than_the_baseline_fails_a_run_that_passed() -> None:
     )
     assert held(*ABC, rows=(BETTER, SAME, NEW)).exit_code == 0
     assert held(*ABC, rows=(SAME,)).verdict == "All 3 cases passed. As the baseline has it."
+    unlike = report(*ABC, baseline=Path("b.yaml"))
+    assert unlike.verdict == "All 3 cases passed. The baseline knows none of them."
     accepted = held(*ABC, recorded=True)
     assert accepted.exit_code == 0
     assert accepted.verdict == "All 3 cases passed. The baseline was written anew."
     crashed = held(finished("a", Ending.CRASHED), rows=(WORSE,))
     assert crashed.exit_code == 1
+
+
+def test_cases_that_had_not_begun_are_told() -> None:
+    made = Report("nightly", "Every night", 5, ABC[:2], 1.0)
+    assert made.verdict == "All 2 cases passed; 3 had not begun."
+    assert made.heading == "Every night"
+    assert Report("nightly", "", 5, (), 1.0).heading == "nightly"
 
 
 # Tables
@@ -182,11 +191,11 @@ def test_json_has_all_of_a_run() -> None:
     )
     said = strict(held(case, rows=(WORSE, SAME, GONE)))
     assert said["suite"] == "nightly"
-    assert said["verdict"].startswith("1 of the one case failed")
+    assert said["verdict"].startswith("The one case failed: 1 outside. Against")
     assert said["exit_code"] == 3
-    assert said["count"] == 1
     assert said["failed"] == 2
-    assert said["endings"] == {"outside": 1}
+    assert said["counts"] == {"outside": 1}
+    assert said["not_begun"] == 0
     (row,) = said["cases"]
     assert row["figures"] == {"cost": 2.0, "error_l2": None, "switching_times": [1.0, None]}
     assert row["checks"][0]["figure"] == "cost"
@@ -204,7 +213,7 @@ def test_json_has_all_of_a_run() -> None:
 def test_json_of_every_ending() -> None:
     said = strict(report(*OF_EACH))
     assert [case["ending"] for case in said["cases"]] == [e.name.lower() for e in Ending]
-    assert sum(said["endings"].values()) == len(Ending)
+    assert sum(said["counts"].values()) == len(Ending)
 
 
 # Markdown

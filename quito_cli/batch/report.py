@@ -111,8 +111,8 @@ class Report:
                 case.ending is Ending.PASSED and self.failed(case) for case in self.finished
             )
             parts = [*of_each, *([f"{worse} worse than the baseline"] if worse else [])]
-            of_all = "the one case" if count == 1 else f"{count} cases"
-            said = f"{failed} of {of_all} failed: {', '.join(parts)}"
+            of_all = "The one case" if count == 1 else f"{failed} of {count} cases"
+            said = f"{of_all} failed: {', '.join(parts)}"
         if left := self.cases - count:
             said += f"; {left} had not begun"
         return f"{said}. {self.against}".strip()

@@ -64,8 +64,10 @@ def print_summary(report: Report, folder: Path, *, verbose: bool) -> None:
         f"{count} {ending.name.lower().replace('_', ' ')}"
         for ending, count in report.counts.items()
     ]
-    worse = len(report.failing)
+    gone = len(report.gone)
+    worse = len(report.failing) - gone
     counts += [f"{worse} worse than the baseline"] if worse else []
+    counts += [f"{gone} missing"] if gone else []
     left = report.cases - len(report.finished)
     counts += [f"{left} not begun"] if left else []
     verdict = f"{report.suite}: {', '.join(counts) or 'no cases'}"
@@ -83,7 +85,7 @@ def print_differences(report: Report, *, quiet: bool) -> None:
     if rows:
         typer.echo(f"\n{columns([DIFFERENCES, *rows[:_MOST]], indent='', header=True)}")
     if len(rows) > _MOST:
-        typer.echo(f"... and {len(rows) - _MOST} more; --markdown and --json have them all")
+        typer.echo(f"... and {len(rows) - _MOST} more; --json has them all")
     if not quiet or rows:
         typer.echo(f"\n{report.against} ({report.baseline})")
 
