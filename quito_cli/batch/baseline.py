@@ -77,7 +77,7 @@ def measured(
     Args:
         baseline: which leaves out what it ignores.
         finished: a case with an answer.
-        calibration: seconds of a calibration solve; None leaves the times out.
+        calibration: processor seconds of a calibration solve; None leaves the times out.
     """
     found: dict[str, Figure] = {}
     for name, rule in RULES.items():
@@ -108,7 +108,7 @@ def updated(
         baseline: as it was; an empty one to begin with.
         finished: the cases of a run.
         same: by case the figures that are within their tolerances, and stay.
-        calibration: seconds of a calibration solve; None leaves the times out.
+        calibration: processor seconds of a calibration solve; None leaves the times out.
         everything: names of all cases of the suite: others are left out. None of a run of a part
             of the suite, where others stay.
     """

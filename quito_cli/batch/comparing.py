@@ -81,7 +81,7 @@ def compare(
     Args:
         baseline: what is recorded.
         finished: the cases of the run; one that was interrupted is not looked at.
-        calibration: seconds of a calibration solve; None leaves the times out.
+        calibration: processor seconds of a calibration solve; None leaves the times out.
         maximises: whether the problem of a case is a maximisation.
         everything: names of all cases of the suite: one that is not among them is missing. None
             of a run of a part of the suite.

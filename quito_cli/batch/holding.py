@@ -1,8 +1,8 @@
 """A run held against its baseline file, and the file written anew on request.
 
 What is compared has to be known before the run: the costly figures are found on request only, and
-the times want a calibration. That is done by as many workers at once as the run will have, since a
-busy machine is a slower one.
+the times want calibrations. These are made before the run and after it, by as many workers at once
+as the run has, since cores that share a cache or a clock are slower together; the fastest counts.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from statistics import median
 
 from quito_cli.batch import baseline_file
 from quito_cli.batch.baseline import Baseline, updated
@@ -31,8 +30,10 @@ class Holding:
     baseline: Baseline
     update: bool
     """Whether it is written anew."""
+    jobs: int
+    """Workers of the run."""
     calibration: float | None
-    """Seconds of a calibration solve; None where no time is of interest."""
+    """Processor seconds of a calibration solve; None where no time is of interest."""
 
 
 def prepare(path: Path, jobs: int, *, update: bool) -> Holding:
@@ -50,7 +51,8 @@ def prepare(path: Path, jobs: int, *, update: bool) -> Holding:
     """
     begun = update and not path.exists()
     baseline = Baseline() if begun else baseline_file.read(path)
-    return Holding(path, baseline, update, _calibration(jobs) if baseline.timed else None)
+    unit = _calibration(jobs) if baseline.timed else None
+    return Holding(path, baseline, update, jobs, unit)
 
 
 def _calibration(jobs: int) -> float:
@@ -62,13 +64,13 @@ def _calibration(jobs: int) -> float:
     finally:
         for worker in workers:
             worker.close()
-    found = [answer.value for answer in answers if isinstance(answer, Returned)]
+    found: list[float] = [answer.value for answer in answers if isinstance(answer, Returned)]
     if not found:
         raise QuitoError(
-            f"the calibration solve failed: {answers[0]}; without it times cannot be compared: let "
-            "the baseline ignore build_time and solve_time"
+            f"the calibration solve failed: {answers[0]}; without it times cannot be compared: "
+            "let the baseline ignore processor_time"
         )
-    return float(median(found))
+    return min(found)
 
 
 def report_of(
@@ -95,12 +97,14 @@ def report_of(
     cases = tuple(finished)
     if holding is None:
         return Report(suite.name, suite.title, len(suite.cases), cases, seconds)
-    baseline, unit = holding.baseline, holding.calibration
-    everything = [case.name for case in suite.cases] if whole else None
-    rows = compare(baseline, cases, unit, maximises, everything)
     stopped = len(cases) < len(suite.cases) or any(
         case.ending is Ending.INTERRUPTED for case in cases
     )
+    baseline, unit = holding.baseline, holding.calibration
+    if unit is not None and not stopped:
+        unit = min(unit, _calibration(holding.jobs))
+    everything = [case.name for case in suite.cases] if whole else None
+    rows = compare(baseline, cases, unit, maximises, everything)
     recorded = holding.update and not stopped
     if recorded:
         made = updated(baseline, cases, same(rows), unit, everything)
