@@ -63,7 +63,7 @@ def _neither(absolute: float, relative: float) -> Rule:
 
 
 def _time(of: str, *, recorded: bool = False) -> Rule:
-    return Rule(Better.SMALLER, Tolerance(2, 1), recorded, of=of)
+    return Rule(Better.SMALLER, Tolerance(1, 1), recorded, of=of)
 
 
 _EXACT: Final = Tolerance(0, 0)
