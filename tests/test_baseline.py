@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import pytest
+from documents import blocks
 from finished import answered, finished, outside
 from hypothesis import given
 from hypothesis import strategies as st
@@ -543,3 +545,37 @@ def test_a_calibration_is_the_fastest_of_its_solves(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(calibration, "processor_seconds", lambda: clock)
     assert calibration.calibrate() == pytest.approx(0.3)
     assert next(took, None) is None
+
+
+# The guide
+
+GUIDE = (Path(__file__).parent.parent / "problems" / "batch.md").read_text(encoding="utf-8")
+
+
+def test_the_guide_has_the_tolerances() -> None:
+    said = {}
+    for names, absolute, relative, better in re.findall(
+        r"^\| (`\w+`(?:, `\w+`)*) \| (\S+) \| (\S+) \| (.+) \|$", GUIDE, re.M
+    ):
+        for name in re.findall(r"\w+", names):
+            said[name] = (Tolerance(float(absolute), float(relative)), better)
+    recorded_by_default = {name: rule for name, rule in RULES.items() if rule.recorded}
+    assert {name: given[0] for name, given in said.items()} == {
+        name: rule.tolerance for name, rule in recorded_by_default.items()
+    }
+    for name, (_, better) in said.items():
+        is_smaller = RULES[name].better is Better.SMALLER
+        assert (better == "smaller") is is_smaller, name
+    assert [v.value for v in Verdict if f"| {v.value} |" in GUIDE] == [v.value for v in Verdict]
+    fails = re.findall(r"^\| (\w+) \| .* \| ends with 3 \|$", GUIDE, re.M)
+    assert fails == [v.value for v in Verdict if v.fails]
+
+
+def test_the_tolerances_shown_in_the_guide_are_read() -> None:
+    (text,) = [block.text for block in blocks(GUIDE) if block.mark == "file: tolerances"]
+    given = baseline_file.parse(f"format: 1\n{text}cases: {{van_der_pol: {{}}}}\n", "b.yaml")
+    assert given.tolerance("van_der_pol", "iterations") == Tolerance(20, 0)
+    assert given.tolerance("other", "iterations") == RULES["iterations"].tolerance
+    assert given.tolerance("other", "cost") == Tolerance(0, 1e-4)
+    assert given.tolerance("other", "switching_times") == Tolerance(0.01, 0)
+    assert not given.timed
