@@ -572,7 +572,7 @@ def test_the_guide_has_the_tolerances() -> None:
 
 
 def test_the_tolerances_shown_in_the_guide_are_read() -> None:
-    (text,) = [block.text for block in blocks(GUIDE) if block.mark == "file: tolerances"]
+    (text,) = [block.text for block in blocks(GUIDE) if block.mark == "baseline: tolerances"]
     given = baseline_file.parse(f"format: 1\n{text}cases: {{van_der_pol: {{}}}}\n", "b.yaml")
     assert given.tolerance("van_der_pol", "iterations") == Tolerance(20, 0)
     assert given.tolerance("other", "iterations") == RULES["iterations"].tolerance

@@ -161,7 +161,7 @@ def batch(
     workers = jobs or available()
     holding = wanted.prepare(min(workers, len(suite.cases)))
     record = holding.baseline.costly if holding else ()
-    live = Live(len(suite.cases), quiet=quiet or as_json, verbose=verbose)
+    live = Live(len(suite.cases), silent=as_json, quiet=quiet, verbose=verbose)
     setting = Setting(workers, output, keep, suite.limits, record)  # type: ignore[arg-type]
     began = time.perf_counter()
     finished, interrupted = _run(suite, setting, live, resume=resume, fail_fast=fail_fast)
