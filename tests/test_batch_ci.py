@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shlex
 from collections.abc import Callable
@@ -302,4 +301,6 @@ def test_the_recipe_runs(quito: Quito) -> None:
     assert "2 worse" in Path("reports/summary.md").read_text(encoding="utf-8")
     page = Path("reports/nightly.html").read_text(encoding="utf-8")
     assert page.count("data:image/svg+xml;base64,") == 2
-    assert json.loads(failed.out)["failed"] == 2
+    assert failed.json["failed"] == 2
+    for case in failed.json["cases"]:
+        assert 1e-3 < case["figures"]["processor_seconds"] < 1.5 * case["seconds"]

@@ -108,13 +108,13 @@ def test_rows_have_the_figures_that_are_known() -> None:
             finished("c", Ending.CRASHED, "killed by signal 11"),
         )
     )
-    assert [column.heading for column in made.columns] == ["cost", "violation", "iterations"]
+    assert [column.heading for column in made.columns] == ["cost", "iterations", "violation"]
     assert [row.cells for row in made.rows] == [
-        ("0.75761793", "0", "12"),
+        ("0.75761793", "12", "0"),
         ("-", "-", "-"),
         ("-", "-", "-"),
     ]
-    assert [row.values for row in made.rows][:2] == [(0.757617928659, 0.0, 12.0), (None,) * 3]
+    assert [row.values for row in made.rows][:2] == [(0.757617928659, 12.0, 0.0), (None,) * 3]
     assert [row.name for row in made.failed] == ["c"]
     assert made.failed[0].reasons == ("killed by signal 11",)
     assert [row.name for row in made.passed] == ["a", "b"]

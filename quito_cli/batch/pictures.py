@@ -13,8 +13,6 @@ from typing import Final
 from quito_cli.batch.case import Finished
 from quito_cli.batch.report import Report
 from quito_cli.errors import UsageError
-from quito_cli.plots.figure import DEFAULT, figure
-from quito_cli.solution.solution import Solution
 
 WHICH: Final = ("failed", "all", "none")
 """Of which cases there are pictures."""
@@ -49,6 +47,9 @@ def pictures(report: Report, which: str) -> Mapping[str, str]:
 def _picture(case: Finished) -> str:
     assert case.result is not None
     from matplotlib import rc_context
+
+    from quito_cli.plots.figure import DEFAULT, figure
+    from quito_cli.solution.solution import Solution
 
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # no word on fonts being looked for
     drawn = io.BytesIO()

@@ -35,11 +35,11 @@ class Column:
 
 COLUMNS: Final = (
     Column("cost", "cost", ".8g", "as solved"),
+    Column("iterations", "iterations", "d", "of the solver"),
     Column("cost_error", "cost error", ".1e", "distance from the cost of the reference"),
     Column("error_l2", "L2 error", ".2g", "of the control against the reference"),
     Column("violation", "violation", ".1e", "of any condition, between the nodes too"),
     Column("ringing", "ringing", ".2g", "ringing index; to about 1 it is none"),
-    Column("iterations", "iterations", "d", "of the solver"),
 )
 
 
