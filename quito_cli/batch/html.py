@@ -31,6 +31,13 @@ from quito_cli.batch.table import (
 from quito_cli.solution.store import write_aside
 
 _STYLE: Final = Path(__file__).with_name("page.css")
+_KINDS: Final = {
+    "case": ' class="name"',
+    "change": ' class="number"',
+    "allowed": ' class="number"',
+    "note": ' class="note"',
+}
+"""Of the columns of differences."""
 _SCRIPT: Final = Path(__file__).with_name("page.js")
 
 
@@ -139,14 +146,16 @@ def _differences(report: Report) -> Iterator[str]:
     if not rows:
         return
     yield "<h2>Against the baseline</h2>"
-    yield '<div class="wide"><table class="cards">\n<thead><tr>'
-    yield "".join(f"<th><button>{heading}</button></th>" for heading in DIFFERENCES)
+    yield '<div class="wide"><table class="cards single">\n<thead><tr>'
+    for heading in DIFFERENCES:
+        kind = _KINDS[heading] if heading in ("change", "allowed") else ""
+        yield f"<th{kind}><button>{heading}</button></th>"
     yield "</tr></thead>\n<tbody>"
     for row in rows:
         bad = "bad" if row[0] in ("worse", "missing") else "good"
         cells = [f'<td class="result" data-label="verdict">{row[0]}</td>']
         cells += [
-            f'<td data-label="{heading}">{_text(cell)}</td>'
+            f'<td{_KINDS.get(heading, "")} data-label="{heading}">{_text(cell)}</td>'
             for heading, cell in zip(DIFFERENCES[1:], row[1:], strict=True)
         ]
         yield f'<tr class="{bad}">{"".join(cells)}</tr>'
