@@ -260,6 +260,14 @@ def test_a_continued_case_starts_from_the_answer_before(
     assert guess == str(whole[1]["mu0"].result)
 
 
+def test_what_others_start_from_is_kept(tmp_path: Path) -> None:
+    given = [of_push("a", 1), of_push("b", 1.5, follows="a")]
+    found = ended(given, Setting(1, tmp_path, "none"))
+    assert found["a"].result == tmp_path / "a.h5"
+    assert found["b"].result is None
+    assert {path.name for path in tmp_path.iterdir()} == {"a.h5"}
+
+
 def test_leftovers_of_killed_runs_are_removed(tmp_path: Path) -> None:
     ours, others = tmp_path / ".0-good.123.h5", tmp_path / ".other.123.h5"
     for path in (ours, others):
@@ -475,7 +483,7 @@ def test_a_suite_in_a_verdict_out(quito_: Callable[..., Ran], folder: Path) -> N
         (["push.yaml", "--set", "wai=5"], 2, {"refused": 1}),
         (["push.yaml", "--solver", "knitro"], 2, {"refused": 1}),
         (["suite.yaml", "--time-limit", "0.001"], 1, {"timed_out": 2}),
-        (["suite.yaml", "--memory-limit", "100MB"], 1, {"out_of_memory": 2}),
+        (["van_der_pol", "--memory-limit", "100MB"], 1, {"out_of_memory": 1}),
     ],
 )
 def test_exit_codes(
@@ -605,6 +613,18 @@ def test_the_parent_needs_no_casadi(folder: Path) -> None:
         cwd=folder,
     )
     assert ran.stdout.splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize("solver", ["ipopt", "highs"])
+def test_nothing_in_the_working_folder_is_imported(
+    solver: str, quito_: Callable[..., Ran], folder: Path
+) -> None:
+    """Neither by a worker, nor by a solver in a process of its own."""
+    for name in ("numpy", "casadi", "quito_cli", "h5py", "json"):
+        (folder / f"{name}.py").write_text("open('evil', 'w')\nraise SystemExit", encoding="utf-8")
+    ran = quito_("push.yaml", "--solver", solver)
+    assert ran.code == 0
+    assert not (folder / "evil").exists()
 
 
 HANGING = """\

@@ -398,6 +398,13 @@ def test_problems_and_suites_of_a_command_line(folder: Path) -> None:
     assert made.name == "batch"
     assert gather(["cart.yaml"], {}, {}).name == "cart"
     assert gather(["nightly.yaml"], {}, {}) == load_suite("nightly.yaml")
+    (folder / "more").mkdir()
+    (folder / "more" / "cart.yaml").write_text(CART, encoding="utf-8")
+    assert names(gather(["cart.yaml", "more/cart.yaml", "bang_bang"], {}, {})) == [
+        f"{folder.name}/cart",
+        "more/cart",
+        "bang_bang",
+    ]
     mixed = gather(["nightly.yaml", "bang_bang"], {}, {})
     assert names(mixed) == ["nightly/cart", "bang_bang"]
     assert set(mixed.limits) == {"nightly/cart"}
