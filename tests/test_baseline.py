@@ -279,6 +279,16 @@ def test_a_certificate_that_fails_is_recorded_without_its_figures() -> None:
     assert passed == {"certificate": "passed"}
 
 
+def test_a_case_that_is_expected_to_fail_has_no_figures() -> None:
+    case = finished("a", cost=1.0, success=False)
+    made = recorded(Baseline(), [case])
+    assert made.cases == {"a": {}}
+    again = baseline_file.parse(baseline_file.text(made), "b.yaml")
+    assert compare(again, [case], None, minimised, ["a"]) == ()
+    solved = [finished("a", cost=1.0, success=True)]
+    assert [row.verdict for row in compare(again, solved, None, minimised, ["a"])] == [NEW]
+
+
 def test_a_figure_is_recorded_where_its_rule_or_a_tolerance_says_so() -> None:
     case = finished("a", cost=1.0, final_time=4.0, switching_times=(1.0,))
     assert measured(Baseline(), case, None) == {"cost": 1.0}
@@ -377,6 +387,7 @@ def test_figures_have_sensible_digits() -> None:
     assert rounded(0.7576179286593919, Tolerance(0, 1e-6)) == 0.7576179
     assert rounded(1234567.89, Tolerance(1e5, 0)) == 1.23e6
     assert rounded(17, Tolerance(3, 0.2)) == 17
+    assert rounded(4.5e-13, Tolerance(0.5, 0.2)) == 0
     assert rounded((1.23456, 23.4567), Tolerance(0.1, 0)) == (1.23, 23.46)
     assert rounded(math.inf, Tolerance(0, 1)) == math.inf
     assert rounded("passed", Tolerance(0, 0)) == "passed"

@@ -74,12 +74,16 @@ def measured(
 ) -> dict[str, Figure]:
     """Return the figures of a case that are compared, by their names in a baseline.
 
+    One that is expected not to converge has none: where a solver gives up says nothing.
+
     Args:
         baseline: which leaves out what it ignores.
         finished: a case with an answer.
         calibration: processor seconds of a calibration solve; None leaves the times out.
     """
     found: dict[str, Figure] = {}
+    if finished.figures.get("success") is False:
+        return found
     for name, rule in RULES.items():
         figure = finished.figures.get(rule.of or name)
         if not known(figure) or baseline.tolerance(finished.case.name, name) is None:
@@ -154,6 +158,8 @@ def rounded(figure: Figure, tolerance: Tolerance) -> Figure:
 def _shortened(value: float, tolerance: float) -> float:
     if not math.isfinite(value):
         return value
+    if abs(value) <= tolerance / _PART:
+        return 0.0
     for digits in range(1, 17):
         short = float(f"{value:.{digits}g}")
         if abs(short - value) <= tolerance / _PART:
