@@ -88,6 +88,7 @@ RULES: Final[Mapping[str, Rule]] = {
     "final_time": _neither(1e-9, 1e-6),
     "status": Rule(Better.NEITHER, _EXACT, False, ("solved",)),
     "success": Rule(Better.LARGER, _EXACT, False),
+    "polished": Rule(Better.LARGER, _EXACT, False),
     "certificate": Rule(Better.NEITHER, _EXACT, words=(PASSED, FAILS)),
     "iterations": _smaller(3, 0.2),
     "cells": _neither(0, 0.1),

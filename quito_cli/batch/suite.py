@@ -158,9 +158,12 @@ class _Reader:
 
     texts: dict[Path, str] = field(default_factory=dict)
     data: dict[str, Mapping[str, Any] | None] = field(default_factory=dict)
+    suites: dict[Path, Suite] = field(default_factory=dict)
 
     def suite(self, path: Path, name: str, chain: tuple[Path, ...]) -> Suite:
         """Return the suite in a file; `chain` are the files that include it."""
+        if path.resolve() in self.suites:
+            return self.suites[path.resolve()]
         chain = (*chain, path.resolve())
         source = read(self.text(path), name)
         file, wrong = _validated(source)
@@ -169,7 +172,8 @@ class _Reader:
             raise ProblemError(wrong, source)
         cases = tuple(draft.case for draft in drafts)
         limits = {draft.case.name: draft.limits for draft in drafts}
-        return Suite(path.stem, file.title, cases, limits)
+        made = self.suites[chain[-1]] = Suite(path.stem, file.title, cases, limits)
+        return made
 
     def drafts(
         self, file: _File, path: Path, chain: tuple[Path, ...], wrong: list[Complaint]
