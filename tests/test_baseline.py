@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from documents import blocks
 from finished import answered, finished, outside
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from quito_cli.batch import baseline_file, calibration
@@ -118,6 +118,7 @@ def test_what_is_of_another_kind_is_worse() -> None:
     assert judged("passed", 1.0, rule.tolerance, rule)[0] is WORSE
 
 
+@settings(deadline=None)
 @given(
     st.floats(allow_nan=False),
     st.floats(allow_nan=False),
@@ -368,6 +369,7 @@ def test_an_answer_outside_its_expectations_is_recorded_all_the_same() -> None:
     assert recorded(Baseline(), run).cases == {"a": {"cost": 2.0}}
 
 
+@settings(deadline=None)
 @given(
     st.floats(-1e12, 1e12, allow_subnormal=False),
     st.floats(0, 1, allow_subnormal=False),
@@ -453,6 +455,7 @@ NAMES = st.text(
 NUMBERS = st.floats(allow_nan=False) | st.integers(-(10**12), 10**12) | st.booleans()
 
 
+@settings(deadline=None)
 @given(
     st.dictionaries(
         NAMES,

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from finished import OF_EACH, answered, finished, outside, report
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 
@@ -307,6 +307,7 @@ def test_markdown_takes_texts_for_texts(tricky: str) -> None:
     assert "".join(said for tag, said in words.texts if tag == "td") == tricky
 
 
+@settings(deadline=None)
 @given(st.text(max_size=60))
 def test_markdown_takes_any_text_for_a_text(anything: str) -> None:
     words = shown_in_a_cell(anything)
@@ -404,6 +405,7 @@ def test_the_page_takes_texts_for_texts(tricky: str) -> None:
     check_texts(tricky)
 
 
+@settings(deadline=None)
 @given(st.text(min_size=1, max_size=40))
 def test_the_page_takes_any_text_for_a_text(anything: str) -> None:
     check_texts(anything)

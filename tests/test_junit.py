@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 import pytest
 import xmlschema
 from finished import OF_EACH, finished, outside, report
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from quito_cli.batch.case import Ending
@@ -114,6 +114,7 @@ def test_a_run_without_cases() -> None:
     assert root.attrib["tests"] == "0"
 
 
+@settings(deadline=None)
 @given(st.text(), st.text(), st.text(), st.text())
 def test_any_text_is_legal_and_comes_back(
     name: str, message: str, sentence: str, suite: str
