@@ -171,6 +171,7 @@ def test_all_reports_of_a_run(quito: Quito, comes_to: Comes) -> None:
     [
         (["--update-baseline"], "--update-baseline needs --baseline"),
         (["--html", "h.html", "--plots", "some"], "plots: expected failed, all or none"),
+        (["--plots", "all"], "add --html with its file"),
         (["--html", "h.html", "--keep", "none"], "add --plots none"),
         (["--html", "h.html", "--keep", "failed", "--plots", "all"], "add --plots failed"),
         (["--junit", "."], "is a folder: name a file in it"),

@@ -108,7 +108,7 @@ def batch(
     junit: Junit = None,
     markdown: Markdown = None,
     html: Html = None,
-    plots: Plots = "failed",
+    plots: Plots = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object, and nothing else.")
     ] = False,

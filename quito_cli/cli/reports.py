@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -35,7 +35,11 @@ Markdown = Annotated[
 Html = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Write a page with figures and pictures.")
 ]
-Plots = Annotated[str, typer.Option(help="Cases with pictures on the page: failed, all or none.")]
+Plots = Annotated[
+    str | None,
+    typer.Option(help="Cases with pictures on the page: failed, all or none. [default: failed]"),
+]
+_PLOTS: Final = "failed"
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,7 @@ class Wanted:
     junit: Path | None
     markdown: Path | None
     html: Path | None
-    plots: str
+    plots: str | None
 
     def check(self, keep: str) -> None:
         """Refuse what cannot be made: a long run must not end with nowhere to write.
@@ -60,10 +64,13 @@ class Wanted:
         """
         from quito_cli.batch.pictures import check_which
 
-        check_which(self.plots)
+        plots = self.plots or _PLOTS
+        check_which(plots)
+        if self.plots is not None and self.html is None:
+            raise UsageError("--plots chooses pictures for the page: add --html with its file")
         if self.update and self.baseline is None:
             raise UsageError("--update-baseline needs --baseline with the file to write")
-        if self.html is not None and self.plots not in ("none", keep) and keep != "all":
+        if self.html is not None and plots not in ("none", keep) and keep != "all":
             raise UsageError(
                 f"pictures are made of result files, and --keep {keep} leaves none of some cases: "
                 f"leave it out, or add --plots {keep}"
@@ -90,5 +97,5 @@ class Wanted:
         if self.markdown is not None:
             markdown.write(report, self.markdown)
         if self.html is not None:  # last: it takes longest
-            html.write(report, self.html, self.plots)
+            html.write(report, self.html, self.plots or _PLOTS)
         return tuple(path for path in (self.junit, self.markdown, self.html) if path is not None)
