@@ -110,7 +110,7 @@ def refuse_unswept(axes: Sequence[Axis]) -> None:
     if count > MOST_CASES:
         sizes = " x ".join(str(len(axis.values)) for axis in axes)
         raise UsageError(
-            f"{sizes} are {count:,} cases, and a sweep has {MOST_CASES:,} at most: take fewer points"
+            f"{sizes} are {count:,} cases, and a sweep has {MOST_CASES:,} at most: take fewer"
         )
 
 
@@ -155,7 +155,9 @@ def _named(name: str, problem: Problem) -> tuple[str, bool]:
     if "." in name:
         section, _, rest = name.partition(".")
         if section not in SETTABLE:
-            raise UsageError(f"only {', '.join(SETTABLE)} have values to sweep{_path(name, problem)}")
+            raise UsageError(
+                f"only {', '.join(SETTABLE)} have values to sweep{_path(name, problem)}"
+            )
         return (rest if section == "constants" and rest in constants else name), False
     plain = name.replace("-", "_")
     if plain in NO_AXES:

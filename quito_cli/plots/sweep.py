@@ -1,4 +1,4 @@
-"""A sweep -> matplotlib Figures: chosen figures over its axes; and the trajectories, one over another.
+"""A sweep -> matplotlib Figures: chosen figures over its axes; the trajectories over one another.
 
 Over one axis a figure is a curve with a point for each case. Over two fine axes it is a map, with
 contours; over others a family of curves along the finest axis. What was not solved is marked where
@@ -8,7 +8,6 @@ dashes. A figure that spans decades has a logarithmic scale.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -20,8 +19,8 @@ from numpy.typing import NDArray
 
 from quito_cli.plots.figure import write
 from quito_cli.plots.layout import balanced, places
-from quito_cli.plots.palette import COLOURS, OURS, plain
-from quito_cli.plots.sweep_scales import MAP, Hue, coloured, edges, positions, scale
+from quito_cli.plots.palette import BOUND, COLOURS, OURS, plain
+from quito_cli.plots.sweep_scales import MAP, Hue, coloured, edges, explain, named, positions, scale
 from quito_cli.plots.sweep_trajectories import trajectories
 
 if TYPE_CHECKING:
@@ -67,9 +66,7 @@ class _Cases:
         return list(product(*ranges))
 
 
-def draw_all(
-    swept: Swept, names: Sequence[str], folder: Path, ending: str
-) -> tuple[Path, ...]:
+def draw_all(swept: Swept, names: Sequence[str], folder: Path, ending: str) -> tuple[Path, ...]:
     """Write the figures that have something to show, and return their paths.
 
     Args:
@@ -98,6 +95,7 @@ def finest(axes: Sequence[Axis]) -> int:
 def figures(swept: Swept, names: Sequence[str]) -> Figure | None:
     """Return the figures `names` over the axes; None where none of them is known as a number."""
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
     axes = swept.sweep.axes
     grids = [(name, grid) for name in names if (grid := swept.grid(name)) is not None]
@@ -110,31 +108,31 @@ def figures(swept: Swept, names: Sequence[str]) -> Figure | None:
     drawn = Figure(figsize=(max(size[0], 7.0), size[1]), layout="constrained")
     solved = np.array(swept.solved).reshape(swept.sweep.shape)
     cases = _Cases(swept, finest(axes), solved)
-    two = len(axes) == 2 and all(a.numeric and len(a.values) >= _FINE for a in axes)
-    hue = None if two or len(axes) == 1 else coloured([axes[i] for i in cases.others])
+    fine = len(axes) == 2 and all(a.numeric and len(a.values) >= _FINE for a in axes)
+    hue = coloured([axes[i] for i in cases.others]) if len(axes) > 1 else None
+    curves = []
     for _, _, (name, grid), place in places(drawn, rows, [1.0] * len(rows)):
         plot = drawn.add_subplot(place)
-        if two and grid.ndim == 2:
+        if fine and grid.ndim == 2:
             _map(plot, swept, grid, solved)
-        else:
-            _curves(plot, cases, grid, hue)
-        if two:
             plot.set_title(name.replace("_", " "))
         else:
+            _curves(plot, cases, grid, hue)
             plot.set_ylabel(name.replace("_", " "))
-    drawn.suptitle(heading(swept))
-    _legend(drawn, cases, hue)
+            curves.append(plot)
+    drawn.suptitle(_heading(swept))
+    marks = {} if solved.all() else {"not solved": Line2D([], [], color=BOUND, **_MARK)}
+    explain(drawn, hue, curves, marks)
     return drawn
 
 
-def heading(swept: Swept) -> str:
+def _heading(swept: Swept) -> str:
     """Return the title, and what was swept over."""
     sweep = swept.sweep
     given = "".join(f", {name} = {value}" for name, value in sweep.constants.items())
-    over = " and ".join(axis.name for axis in sweep.axes)
     failed = swept.solved.count(False)
     left = f", {failed} of {len(swept.solved)} not solved" if failed else ""
-    return f"{plain(sweep.title or sweep.name)}\n{plain(f'over {over}{given}{left}')}"
+    return f"{plain(sweep.title or sweep.name)}\n{plain(f'over {named(sweep.axes)}{given}{left}')}"
 
 
 def _decades(values: Array) -> bool:
@@ -150,8 +148,9 @@ def _curves(plot: Axes, cases: _Cases, grid: Array, hue: Hue | None) -> None:
     for index in cases.families:
         values = grid[index].reshape(len(x), -1)
         look = _look(cases, index, hue)
+        joined = {} if values.shape[1] == 1 else {"linestyle": "none"}  # the second may come and go
         for column in values.T:
-            plot.plot(x, column, marker="o", markersize=3.5, linewidth=1.2, **look)
+            plot.plot(x, column, marker="o", markersize=3.5, linewidth=1.2, **look | joined)
         missing = ~cases.solved[index]
         if missing.any():
             foot = plot.get_xaxis_transform()
@@ -160,8 +159,7 @@ def _curves(plot: Axes, cases: _Cases, grid: Array, hue: Hue | None) -> None:
             plot.plot(at, np.full(len(at), _FOOT), transform=foot, clip_on=False, **look | _MARK)
     if _decades(grid):
         plot.set_yscale("log")
-    scale(plot.xaxis, axis)
-    plot.set_xlabel(plain(axis.name))
+    scale(plot, "x", axis)
     plot.grid(alpha=0.25)
 
 
@@ -177,38 +175,15 @@ def _map(plot: Axes, swept: Swept, grid: Array, solved: NDArray[np.bool_]) -> No
 
     first, second = swept.sweep.axes
     norm = LogNorm() if _decades(grid) else None
-    mesh = plot.pcolormesh(
-        edges(first), edges(second), np.ma.masked_invalid(grid.T), cmap=MAP, norm=norm
-    )
+    known = np.ma.masked_invalid(grid.T)
+    mesh = plot.pcolormesh(edges(first), edges(second), known, cmap=MAP, norm=norm)
     x, y = positions(first), positions(second)
-    if np.isfinite(grid).all() and np.ptp(grid) > 1e-9 * np.abs(grid).max():
-        plot.contour(x, y, grid.T, colors="white", linewidths=0.6, alpha=0.7, norm=norm)
+    if known.max() - known.min() > 1e-9 * np.abs(known).max() and (known != known.round()).any():
+        plot.contour(x, y, known, colors="white", linewidths=0.7, alpha=0.7, norm=norm)
     plot.set_facecolor("#EEEEEE")
     missing = np.argwhere(~solved)
     plot.plot(x[missing[:, 0]], y[missing[:, 1]], color=COLOURS[1], **_MARK)
-    for side, axis in ((plot.xaxis, first), (plot.yaxis, second)):
-        scale(side, axis)
-        side.set_label_text(plain(axis.name))
+    scale(plot, "x", first)
+    scale(plot, "y", second)
     bar = plot.figure.colorbar(mesh, ax=plot)
-    bar.outline.set_visible(False)  # type: ignore[operator]
-
-
-def _legend(drawn: Figure, cases: _Cases, hue: Hue | None) -> None:
-    """Say what colours and marks mean."""
-    from matplotlib.artist import Artist
-    from matplotlib.lines import Line2D
-
-    entries: dict[str, Artist] = {} if hue is None else hue.entries()
-    if hue is not None and hue.mappable is not None:
-        drawn.colorbar(hue.mappable, ax=drawn.axes, label=plain(hue.name), pad=0.01)
-    if not cases.solved.all():
-        colour = COLOURS[1] if hue is None else "#666666"
-        entries["not solved"] = Line2D([], [], color=colour, **_MARK)
-    if entries:
-        drawn.legend(
-            handles=list(entries.values()),
-            labels=list(entries),
-            loc="outside lower center",
-            ncols=max(1, math.floor(drawn.get_figwidth() / 1.75)),
-            frameon=False,
-        )
+    bar.outline.set_visible(False)

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from quito_cli.plots.layout import legend_columns
 from quito_cli.plots.palette import COLOURS, plain
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
-    from matplotlib.axis import Axis as Side
+    from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
+    from matplotlib.figure import Figure
 
     from quito_cli.batch.axes import Axis
 
@@ -47,16 +49,24 @@ def _logarithmic(axis: Axis) -> bool:
     return axis.logarithmic and bool((positions(axis) > 0).all())
 
 
-def scale(side: Side, axis: Axis) -> None:
-    """Give a side of a plot the scale and the ticks of an axis."""
+def scale(plot: Axes, side: Literal["x", "y"], axis: Axis) -> None:
+    """Give a side of a plot the name, the scale and the ticks of an axis."""
+    drawn = plot.xaxis if side == "x" else plot.yaxis
+    drawn.set_label_text(plain(axis.name))
     if not axis.numeric:
-        side.set_ticks(positions(axis), labels=[plain(label) for label in axis.labels])
+        drawn.set_ticks(positions(axis), labels=[plain(label) for label in axis.labels])
     elif _logarithmic(axis):
-        side._set_axes_scale("log")
+        (plot.set_xscale if side == "x" else plot.set_yscale)("log")
     elif all(isinstance(value, int) for value in axis.values):
         from matplotlib.ticker import MaxNLocator
 
-        side.set_major_locator(MaxNLocator(integer=True, nbins=6))
+        drawn.set_major_locator(MaxNLocator(integer=True, nbins=6))
+
+
+def named(axes: Sequence[Axis]) -> str:
+    """Return the names of axes as a sentence has them."""
+    names = [axis.name for axis in axes]
+    return " and ".join([*([", ".join(names[:-1])] if names[1:] else []), names[-1]])
 
 
 @dataclass(frozen=True)
@@ -104,7 +114,9 @@ class Hue:
         if 1 < len(dashes) <= len(_DASHES):
             for place, dash in dashes.items():
                 parts = zip(self._dashed, place, strict=True)
-                text = ", ".join(f"{self.axes[i].name} = {self.axes[i].labels[n]}" for i, n in parts)
+                text = ", ".join(
+                    f"{self.axes[i].name} = {self.axes[i].labels[n]}" for i, n in parts
+                )
                 found[plain(text)] = Line2D([], [], color="#666666", linestyle=dash)
         return found
 
@@ -129,3 +141,29 @@ def coloured(axes: Sequence[Axis]) -> Hue:
     norm = (LogNorm if _logarithmic(axis) else Normalize)(at.min(), at.max())
     bar = ScalarMappable(norm, shades)
     return Hue(tuple(axes), n, tuple(bar.to_rgba(value) for value in at), bar)
+
+
+def explain(
+    drawn: Figure, hue: Hue | None, plots: Sequence[Axes], marks: Mapping[str, Artist]
+) -> None:
+    """Say in a legend, and by a colour bar, what is drawn.
+
+    Args:
+        drawn: the figure.
+        hue: how its curves are told apart.
+        plots: those that have curves.
+        marks: what else is drawn, by its name.
+    """
+    entries = dict(marks)
+    if hue is not None and plots:
+        entries = hue.entries() | entries
+        if hue.mappable is not None:
+            drawn.colorbar(hue.mappable, ax=plots, label=plain(hue.name), pad=0.01)
+    if entries:
+        drawn.legend(
+            handles=list(entries.values()),
+            labels=list(entries),
+            loc="outside lower center",
+            ncols=legend_columns(list(entries), drawn.get_figwidth()),
+            frameon=False,
+        )

@@ -11,7 +11,7 @@ import numpy as np
 from quito_cli.plots.layout import balanced, places, shared, with_unit
 from quito_cli.plots.palette import BOUND, plain
 from quito_cli.plots.panels import thinned
-from quito_cli.plots.sweep_scales import coloured
+from quito_cli.plots.sweep_scales import coloured, explain, named
 from quito_cli.solution.solution import Quantity, Solution
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def trajectories(swept: Swept) -> Figure | None:
         if i == len(rows) - 1:
             plot.set_xlabel("t")
     drawn.suptitle(_heading(swept, len(found), len(chosen)))
-    _legend(drawn, hue)
+    explain(drawn, hue, drawn.axes, {})
     return drawn
 
 
@@ -119,22 +119,7 @@ def _draw(
 def _heading(swept: Swept, drawn: int, chosen: int) -> str:
     sweep = swept.sweep
     total = len(sweep.cases)
-    said = f"trajectories over {' and '.join(axis.name for axis in sweep.axes)}"
+    said = f"trajectories over {named(sweep.axes)}"
     if chosen < total:
         said += f", {drawn} of {total}"
     return f"{plain(sweep.title or sweep.name)}\n{plain(said)}"
-
-
-def _legend(drawn: Figure, hue: Hue) -> None:
-    """Say what colours and dashes mean."""
-    entries = hue.entries()
-    if hue.mappable is not None:
-        drawn.colorbar(hue.mappable, ax=drawn.axes, label=plain(hue.name), pad=0.01)
-    if entries:
-        drawn.legend(
-            handles=list(entries.values()),
-            labels=list(entries),
-            loc="outside lower center",
-            ncols=max(1, int(drawn.get_figwidth() / 1.75)),
-            frameon=False,
-        )
