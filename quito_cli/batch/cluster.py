@@ -1,0 +1,309 @@
+"""Cases -> Finished cases on a Dask cluster: what `run` does, on other machines.
+
+    quito sweep van_der_pol --over mu=0.1:2:20 --cluster tcp://head-node:8786
+
+Scheduler and workers need quito in the same version and no file of ours: a case goes out with the
+text of its problem, and its result file comes back and is written here. What is under way is
+bounded, so that neither the scheduler nor the workers fill up with results. When a worker dies,
+Dask gives its cases to others; each case is taken once, whatever comes of it twice. A case that
+follows another is sent when that one's answer is here: so what comes of it does not depend on
+where, and with how many others, it is solved.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+import uuid
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING, Any, Final
+
+from quito_cli import __version__
+from quito_cli.batch import remote
+from quito_cli.batch.case import Case, Ending, Finished
+from quito_cli.batch.run import NO_LIMITS, Setting, answer_before, clean, refuse_tangles
+from quito_cli.batch.solving import result_path
+from quito_cli.errors import UnavailableError, UsageError
+from quito_cli.problem.load import text_of
+from quito_cli.solution.store import write_aside
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+_CONNECT: Final = 10.0
+"""Seconds in which the scheduler has to answer."""
+_GONE: Final = 20.0
+"""Seconds without the scheduler after which it is given up."""
+_LOOK: Final = 0.1
+"""Seconds between two looks at whether to stop."""
+_GATHER: Final = 5.0
+"""Seconds for a result to come; one whose worker has died meanwhile is waited for anew."""
+_AT_ONCE: Final = 4
+"""Cases under way for each thread of the workers."""
+_LEAST: Final = 32
+"""Cases under way at least: a cluster that grows with its work must see some."""
+
+
+def run_on(
+    address: str,
+    cases: Sequence[Case],
+    setting: Setting,
+    done: Mapping[str, Finished] | None = None,
+) -> Iterator[Finished]:
+    """Solve cases on a cluster.
+
+    Args:
+        address: of the scheduler, such as `tcp://head-node:8786`.
+        cases: with names of their own.
+        setting: how; the number of jobs is the cluster's, and progress within a case is not told.
+        done: what is finished already, by name: it is not solved again, nor yielded.
+
+    Yields:
+        What became of each, as it comes. When stopped, cases under way are ended, and none of them
+        is yielded.
+
+    Raises:
+        UsageError: the address is none, or the names of cases make no sense.
+        UnavailableError: `distributed` is not installed here or quito not there, the scheduler does
+            not answer, is lost, or has another version of quito.
+        ResultFileError: a result cannot be written.
+    """
+    refuse_tangles(cases)
+    setting.folder.mkdir(parents=True, exist_ok=True)
+    clean(setting.folder, cases)
+    with _connected(address) as client:
+        _refuse_versions(client, address)
+        yield from _Flight(client, address, cases, setting, dict(done or {})).finish()
+
+
+@dataclass
+class _Flight:
+    """A run that is under way."""
+
+    client: Client
+    address: str
+    cases: Sequence[Case]
+    setting: Setting
+    finished: dict[str, Finished]
+    name: str = field(default_factory=lambda: uuid.uuid4().hex)
+    flying: dict[str, Future] = field(default_factory=dict)
+    """By name of the case."""
+    landed: SimpleQueue[str] = field(default_factory=SimpleQueue)
+    refused: list[Finished] = field(default_factory=list)
+    """Cases whose files cannot be read here."""
+    seen: float = field(default_factory=time.monotonic)
+    """When the scheduler was there."""
+
+    def finish(self) -> Iterator[Finished]:
+        """Send cases and yield what becomes of them, until there are none."""
+        pending = {case.name: case for case in self.cases if case.name not in self.finished}
+        everything = {case.name: case for case in self.cases}
+        try:
+            while pending or self.flying or self.refused:
+                if self.setting.stop():
+                    return
+                self._send(pending, everything)
+                if (ended := self._next(everything)) is not None:
+                    self.finished[ended.case.name] = ended
+                    yield ended
+        finally:
+            if self.flying:
+                self._stop()
+
+    def _send(self, pending: dict[str, Case], everything: Mapping[str, Case]) -> None:
+        """Send cases that need not wait, as many as may be under way."""
+        room = max(_LEAST, _AT_ONCE * self._threads()) - len(self.flying)
+        ready = (c for c in pending.values() if c.follows is None or c.follows in self.finished)
+        for case in [case for case, _ in zip(ready, range(room), strict=False)]:
+            del pending[case.name]
+            try:
+                contents = _packed(case, answer_before(case, self.finished, everything))
+            except UsageError as error:
+                self.refused.append(_failed(case, error))
+                continue
+            parcel = remote.Parcel(
+                self.name,
+                __version__,
+                *contents,
+                self.setting.limits.get(case.name, NO_LIMITS),
+                self.setting.keep,
+                tuple(self.setting.record),
+                self.setting.job,
+            )
+            key = f"quito-{self.name}-{case.name}"
+            future = self.client.submit(remote.solve, parcel, key=key, pure=False)
+            self.flying[case.name] = future
+            future.add_done_callback(lambda _, name=case.name: self.landed.put(name))
+
+    def _threads(self) -> int:
+        """Return those of the workers, as far as is known here."""
+        workers = self.client.scheduler_info(n_workers=-1).get("workers", {})
+        return sum(worker["nthreads"] for worker in workers.values())
+
+    def _next(self, everything: Mapping[str, Case]) -> Finished | None:
+        """Wait for a while; return what has ended."""
+        if self.refused:
+            return self.refused.pop()
+        try:
+            name = self.landed.get(timeout=_LOOK)
+        except Empty:
+            self._refuse_lost()
+            return None
+        future = self.flying.get(name)
+        if future is None:  # it has been taken
+            return None
+        try:
+            delivery: remote.Delivery = future.result(timeout=_GATHER)
+        except TimeoutError:  # where it was is gone, and others are at it
+            self.landed.put(name)
+            return None
+        except Exception as error:
+            self._refuse_cancelled(future)
+            del self.flying[name]
+            return _failed(everything[name], error)
+        del self.flying[name]
+        return _unpacked(everything[name], delivery, self.setting.folder)
+
+    def _refuse_lost(self) -> None:
+        """Give up when the scheduler has been away for long.
+
+        Raises:
+            UnavailableError: it has.
+        """
+        if self.client.status == "running":
+            self.seen = time.monotonic()
+        elif time.monotonic() - self.seen > _GONE:
+            raise self._lost()
+
+    def _refuse_cancelled(self, future: Future) -> None:
+        """Give up when the scheduler knows nothing of a case any more.
+
+        Raises:
+            UnavailableError: it has been away, or restarted.
+        """
+        if future.cancelled() or self.client.status != "running":
+            raise self._lost()
+
+    def _lost(self) -> UnavailableError:
+        return UnavailableError(
+            f"the scheduler at {self.address} is gone: what had finished is kept, and --resume goes "
+            "on from there"
+        )
+
+    def _stop(self) -> None:
+        """End what is under way."""
+        with suppress(Exception):  # of a cluster that is gone there is nothing left to end
+            self.client.cancel(list(self.flying.values()), force=True)
+            self.client.run(remote.stop, self.name, on_error="ignore", wait=False)
+
+
+def _packed(case: Case, start: Path | None) -> tuple[Case, bytes | None]:
+    """Return a case that needs no file of ours, and the bytes of the result it starts from.
+
+    Raises:
+        UsageError: a file that it needs cannot be read.
+    """
+    options = dict(case.options)
+    if start is None and (given := options.pop("guess", None)) is not None:
+        start = Path(given)
+    options.pop("guess", None)
+    text = case.text if case.text is not None else text_of(case.problem)
+    try:
+        content = None if start is None else start.read_bytes()
+    except OSError as error:
+        raise UsageError(f"{start} cannot be read: {error.strerror}") from None
+    return replace(case, options=options, text=text), content
+
+
+def _unpacked(case: Case, delivery: remote.Delivery, folder: Path) -> Finished:
+    """Return what became of a case, its result written here."""
+    path, content = result_path(folder, case.name), delivery.result
+    if content is None:
+        path.unlink(missing_ok=True)  # of an earlier run
+        return replace(delivery.finished, case=case)
+    write_aside(path, lambda aside: _write(aside, content))
+    return replace(delivery.finished, case=case, result=path)
+
+
+def _write(path: Path, content: bytes) -> None:
+    path.write_bytes(content)
+
+
+def _failed(case: Case, error: Exception) -> Finished:
+    """Return a case that the cluster could not do."""
+    from distributed import KilledWorker
+
+    if isinstance(error, KilledWorker):
+        said = "every worker that took it died"
+        return Finished(case, Ending.CRASHED, said, {}, (), 0.0, None)
+    if isinstance(error, UsageError):
+        return Finished(case, Ending.REFUSED, str(error), {}, (), 0.0, None)
+    said = (str(error).splitlines() or [""])[0]
+    return Finished(case, Ending.CRASHED, f"on the cluster: {said}", {}, (), 0.0, None)
+
+
+@contextmanager
+def _connected(address: str) -> Iterator[Client]:
+    """Connect with the scheduler.
+
+    Raises:
+        UnavailableError: `distributed` is not installed, or nothing answers.
+        UsageError: the address is none.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        raise UnavailableError(
+            "--cluster needs Dask, which is not installed: pip install 'quito[dask]'"
+        ) from None
+    log = logging.getLogger("distributed")
+    level = log.level
+    log.setLevel(logging.CRITICAL)  # what becomes of connections is told here
+    try:
+        try:
+            client = Client(address, timeout=_CONNECT, set_as_default=False, name="quito")
+        except ValueError as error:
+            raise UsageError(
+                f"--cluster {address}: {error}; write tcp://HOST:PORT, as the scheduler prints it"
+            ) from None
+        except OSError:
+            raise UnavailableError(
+                f"no scheduler answers at {address} within {_CONNECT:g} s: is `dask scheduler` "
+                "running there, and is its port open to this machine?"
+            ) from None
+        try:
+            yield client
+        finally:
+            with suppress(Exception):  # the cluster may be gone
+                client.close(timeout=_CONNECT)
+    finally:
+        log.setLevel(level)
+
+
+def _refuse_versions(client: Client, address: str) -> None:
+    """Compare quito here with that of the scheduler and of the workers that are there by now.
+
+    Raises:
+        UnavailableError: it is missing somewhere, or is another.
+    """
+    found: dict[str, Any] = {}
+    try:
+        found[f"the scheduler at {address}"] = client.run_on_scheduler(remote.version)
+    except Exception as error:
+        found[f"the scheduler at {address}"] = error
+    found |= client.run(remote.version, on_error="return")
+    for where, said in found.items():
+        if isinstance(said, Exception):
+            raise UnavailableError(
+                f"quito cannot be used at {where} ({said}): install quito {__version__} there, in "
+                "the environment that Dask runs in"
+            )
+        if said != __version__:
+            raise UnavailableError(
+                f"quito {said} is installed at {where}, and {__version__} here: install the same "
+                "version everywhere"
+            )
