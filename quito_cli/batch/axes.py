@@ -38,6 +38,8 @@ _FORMS: Final = "write START:STOP:POINTS, START:STOP:POINTS:log, or values with 
 _SWITCH: Final = {"true": True, "yes": True, "false": False, "no": False}
 _DIGITS: Final = 15
 """Of a point between two others on a logarithmic axis: the last would be rounding."""
+_LONGEST: Final = 80
+"""Characters of what was given that are repeated in a message."""
 _SHORT: Final = 6
 """Digits of a value in the name of a case, where that tells it from the others."""
 
@@ -91,7 +93,7 @@ def parse(given: Iterable[str], problem: Problem) -> tuple[Axis, ...]:
         try:
             axes.append(axis(name.strip(), values.strip(), problem))
         except UsageError as error:
-            raise UsageError(f"--over {text}: {error}") from None
+            raise UsageError(f"--over {text[:_LONGEST]}: {error}") from None
     refuse_unswept(axes)
     return tuple(axes)
 

@@ -42,6 +42,8 @@ _LOOK: Final = 0.1
 """Seconds between two looks at whether to stop."""
 _GATHER: Final = 5.0
 """Seconds for a result to come; one whose worker has died meanwhile is waited for anew."""
+_COUNT: Final = 2.0
+"""Seconds between two looks at how many workers there are."""
 _AT_ONCE: Final = 4
 """Cases under way for each thread of the workers."""
 _LEAST: Final = 32
@@ -57,7 +59,8 @@ def run_on(
     """Solve cases on a cluster.
 
     Args:
-        address: of the scheduler, such as `tcp://head-node:8786`.
+        address: of the scheduler, such as `tcp://head-node:8786`, or the path of the file that it
+            wrote with `--scheduler-file`.
         cases: with names of their own.
         setting: how; the number of jobs is the cluster's, and progress within a case is not told.
         done: what is finished already, by name: it is not solved again, nor yielded.
@@ -95,6 +98,9 @@ class _Flight:
     landed: SimpleQueue[str] = field(default_factory=SimpleQueue)
     refused: list[Finished] = field(default_factory=list)
     """Cases whose files cannot be read here."""
+    threads: int = 0
+    counted: float = -_COUNT
+    """When the threads were."""
     seen: float = field(default_factory=time.monotonic)
     """When the scheduler was there."""
 
@@ -141,8 +147,11 @@ class _Flight:
 
     def _threads(self) -> int:
         """Return those of the workers, as far as is known here."""
-        workers = self.client.scheduler_info(n_workers=-1).get("workers", {})
-        return sum(worker["nthreads"] for worker in workers.values())
+        now = time.monotonic()
+        if now - self.counted > _COUNT and self.client.status == "running":
+            with suppress(Exception):  # of a scheduler that is lost `_next` tells
+                self.threads, self.counted = sum(self.client.nthreads().values()), now
+        return self.threads
 
     def _next(self, everything: Mapping[str, Case]) -> Finished | None:
         """Wait for a while; return what has ended."""
@@ -162,7 +171,8 @@ class _Flight:
             self.landed.put(name)
             return None
         except Exception as error:
-            self._refuse_cancelled(future)
+            if future.cancelled() or self.client.status != "running":
+                raise self._lost() from None
             del self.flying[name]
             return _failed(everything[name], error)
         del self.flying[name]
@@ -179,19 +189,10 @@ class _Flight:
         elif time.monotonic() - self.seen > _GONE:
             raise self._lost()
 
-    def _refuse_cancelled(self, future: Future) -> None:
-        """Give up when the scheduler knows nothing of a case any more.
-
-        Raises:
-            UnavailableError: it has been away, or restarted.
-        """
-        if future.cancelled() or self.client.status != "running":
-            raise self._lost()
-
     def _lost(self) -> UnavailableError:
         return UnavailableError(
-            f"the scheduler at {self.address} is gone: what had finished is kept, and --resume goes "
-            "on from there"
+            f"the scheduler at {self.address} is gone: what had finished is kept, and --resume "
+            "goes on from there"
         )
 
     def _stop(self) -> None:
@@ -265,10 +266,12 @@ def _connected(address: str) -> Iterator[Client]:
     log.setLevel(logging.CRITICAL)  # what becomes of connections is told here
     try:
         try:
-            client = Client(address, timeout=_CONNECT, set_as_default=False, name="quito")
-        except ValueError as error:
+            known = {"scheduler_file": address} if Path(address).is_file() else {"address": address}
+            client = Client(**known, timeout=_CONNECT, set_as_default=False, name="quito")
+        except (ValueError, LookupError, TypeError) as error:
             raise UsageError(
-                f"--cluster {address}: {error}; write tcp://HOST:PORT, as the scheduler prints it"
+                f"--cluster {address}: {error}; write tcp://HOST:PORT, as the scheduler prints it, "
+                "or name its scheduler file"
             ) from None
         except OSError:
             raise UnavailableError(

@@ -153,7 +153,7 @@ def _write_figures(into: Group, swept: Swept) -> None:
     messages = ["" if one is None else one.message for one in swept.finished]
     into.data("ending", _texts(endings).reshape(shape), *axes)
     into.data("message", _texts(messages).reshape(shape), *axes)
-    for name in figures:
+    for name in (figure for figure in figures if figure not in _TAKEN):
         values = swept.grid(name)
         if values is None:
             texts = ["" if value is None else str(value) for value in swept.figure(name)]
