@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import xarray
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 import quito_cli as quito
@@ -64,8 +65,8 @@ def reach() -> Problem:
 
 
 def plan(problem: Problem, *over: str, **given: Any) -> Sweep:
-    given = {"options": {}, "constants": {}, "warm": False} | given
-    sweep = expand(problem, "problem.yaml", parse(over, problem), **given)
+    wanted: dict[str, Any] = {"options": {}, "constants": {}, "warm": False} | given
+    sweep = expand(problem, "problem.yaml", parse(over, problem), **wanted)
     cases = tuple(replace(case, text=problem.text) for case in sweep.cases)
     return replace(sweep, cases=cases)
 
@@ -462,6 +463,14 @@ def drawn(swept: Swept, *names: str) -> Figure:
     return found
 
 
+def xs(line: Line2D) -> list[float]:
+    return [float(x) for x in np.asarray(line.get_xdata())]
+
+
+def ys(line: Line2D) -> list[float]:
+    return [float(y) for y in np.asarray(line.get_ydata())]
+
+
 def legend(figure: Figure) -> list[str]:
     return [text.get_text() for one in figure.legends for text in one.get_texts()]
 
@@ -473,9 +482,9 @@ def test_a_figure_over_one_axis_has_a_point_for_each_case(lq: Problem) -> None:
     figure = drawn(swept)
     (plot,) = figure.axes
     curve, missing = plot.lines
-    assert curve.get_xdata().tolist() == [1, 2, 3, 4, 5]
-    assert np.array(curve.get_ydata()) == pytest.approx([1, 4, math.nan, 16, 25], nan_ok=True)
-    assert missing.get_xdata().tolist() == [3]
+    assert xs(curve) == [1, 2, 3, 4, 5]
+    assert ys(curve) == pytest.approx([1, 4, math.nan, 16, 25], nan_ok=True)
+    assert xs(missing) == [3]
     assert legend(figure) == ["not solved"]
     assert plot.get_xlabel() == "a"
     assert plot.get_yscale() == "linear"
@@ -503,12 +512,12 @@ def test_two_fine_axes_make_a_map(lq: Problem) -> None:
     figure = drawn(made_up(lq, ["a=1:4:4", "T=1:5:5"], cost))
     plot = figure.axes[0]
     mesh = plot.collections[0]
-    array = np.ma.filled(mesh.get_array(), np.nan).reshape(5, 4)  # rows are the second axis
+    array = np.ma.filled(np.ma.asarray(mesh.get_array()), np.nan).reshape(5, 4)  # rows are the second axis
     assert array[0].tolist() == [11, 12, 13, 14]
     assert array[4].tolist() == [51, 52, 53, 54]
     assert np.isnan(array[2, 1])
     assert (plot.get_xlabel(), plot.get_ylabel()) == ("a", "T")
-    assert plot.lines[0].get_xydata().tolist() == [[2, 3]]
+    assert (xs(plot.lines[0]), ys(plot.lines[0])) == ([2], [3])
 
 
 def test_a_coarse_axis_makes_a_family_of_curves(lq: Problem) -> None:
@@ -518,7 +527,7 @@ def test_a_coarse_axis_makes_a_family_of_curves(lq: Problem) -> None:
     over = ["generating_function=gaussian,sech", "T=1:3:3"]
     figure = drawn(made_up(lq, over, cost))
     (plot,) = figure.axes
-    assert [line.get_ydata().tolist() for line in plot.lines] == [[1, 2, 3], [2, 4, 6]]
+    assert [ys(line) for line in plot.lines] == [[1, 2, 3], [2, 4, 6]]
     colours = [line.get_color() for line in plot.lines]
     assert colours[0] != colours[1]
     assert legend(figure) == ["generating_function = gaussian", "generating_function = sech"]
@@ -554,7 +563,7 @@ def test_trajectories_are_those_of_the_answers(lq_swept: Swept) -> None:
     state, control = figure.axes
     assert (state.get_ylabel(), control.get_ylabel()) == ("x [m]", "u [m/s]")
     assert len(state.lines) == len(control.lines) == 6
-    ends = sorted((line.get_xdata()[-1], line.get_ydata()[-1]) for line in state.lines)
+    ends = sorted((xs(line)[-1], ys(line)[-1]) for line in state.lines)
     known = sorted((T, a / math.cosh(T)) for a in (1, 2) for T in (0.5, 1, 2))
     assert np.array(ends) == pytest.approx(np.array(known), rel=1e-4)
     assert legend(figure) == [*("T = 0.5", "T = 1", "T = 2"), *("a = 1", "a = 2")]
@@ -564,7 +573,7 @@ def test_a_bound_that_all_have_is_drawn(reach_swept: Swept) -> None:
     figure = trajectories(reach_swept)
     assert figure is not None
     _, control = figure.axes
-    flat = {line.get_ydata()[0] for line in control.lines if line.get_linestyle() == ":"}
+    flat = {ys(line)[0] for line in control.lines if line.get_linestyle() == ":"}
     assert flat == {-1.0, 1.0}
 
 
