@@ -1,8 +1,8 @@
 """An expectation held against what was found: passed or not, in a sentence.
 
 A target v with the tolerances a (absolute) and r (relative) is met by x where
-|x − v| ≤ max(a, r|v|), in every entry where there are several; words, counts and switches without a tolerance are met by
-themselves. A limit is met by what is at it.
+|x − v| ≤ max(a, r|v|), in every entry where there are several; words, counts and switches without
+a tolerance are met by themselves. A limit is met by what is at it.
 """
 
 from __future__ import annotations
