@@ -512,7 +512,8 @@ def test_two_fine_axes_make_a_map(lq: Problem) -> None:
     figure = drawn(made_up(lq, ["a=1:4:4", "T=1:5:5"], cost))
     plot = figure.axes[0]
     mesh = plot.collections[0]
-    array = np.ma.filled(np.ma.asarray(mesh.get_array()), np.nan).reshape(5, 4)  # rows are the second axis
+    array: Array = np.ma.filled(np.ma.asarray(mesh.get_array()), np.nan)
+    array = array.reshape(5, 4)  # rows are the second axis
     assert array[0].tolist() == [11, 12, 13, 14]
     assert array[4].tolist() == [51, 52, 53, 54]
     assert np.isnan(array[2, 1])

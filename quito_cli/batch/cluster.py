@@ -28,7 +28,7 @@ from quito_cli.batch.case import Case, Ending, Finished
 from quito_cli.batch.run import NO_LIMITS, Setting, answer_before, clean, refuse_tangles
 from quito_cli.batch.solving import result_path
 from quito_cli.errors import UnavailableError, UsageError
-from quito_cli.problem.load import text_of
+from quito_cli.problem.load import find, text_of
 from quito_cli.solution.store import write_aside
 
 if TYPE_CHECKING:
@@ -212,7 +212,7 @@ def _packed(case: Case, start: Path | None) -> tuple[Case, bytes | None]:
     if start is None and (given := options.pop("guess", None)) is not None:
         start = Path(given)
     options.pop("guess", None)
-    text = case.text if case.text is not None else text_of(case.problem)
+    text = case.text if case.text is not None else text_of(find(case.problem))
     try:
         content = None if start is None else start.read_bytes()
     except OSError as error:

@@ -73,15 +73,6 @@ def changed(problem: Problem, changes: Mapping[str, str | float]) -> Problem:
     return validate(source, problem.name, problem.changes + made)
 
 
-def text_of(where: str | Path) -> str:
-    """Return the text of a problem given by path or bundled name.
-
-    Raises:
-        UsageError: there is no such file, or it is no text.
-    """
-    return _text_of(find(where))
-
-
 def find(where: str | Path) -> Path:
     """Return the path of a problem given by path or bundled name.
 
