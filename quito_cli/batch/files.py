@@ -2,8 +2,8 @@
 
 Suites may come from elsewhere. One can make quito read files whose names end in .yaml or .yml,
 wherever they are, and nothing else; what is found in them is checked as anything else is, and
-nothing in them names a place to write to. `*` and `?` stand in the last part of a path only, so that
-nothing walks through folders.
+nothing in them names a place to write to. `*` and `?` stand in the last part of a path only, so
+that nothing walks through folders.
 """
 
 from __future__ import annotations

@@ -8,6 +8,7 @@ worker is replaced.
 
 from __future__ import annotations
 
+import os
 import re
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -252,6 +253,13 @@ def refuse_tangles(cases: Sequence[Case]) -> None:
             chain.append(at)
             at = follows[at]
         settled.update(chain)
+
+
+def available() -> int:
+    """Return the processors that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def clean(folder: Path, cases: Sequence[Case]) -> None:

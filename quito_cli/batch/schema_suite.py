@@ -145,3 +145,10 @@ class SuiteFile(Strict):
         Field(min_length=1, max_length=MAX_CASES),
     ]
     """The cases: each a problem by itself, or a mapping with `problem` or `include`."""
+
+
+def suite_schema_text() -> str:
+    """Return the schema of suites, as `schemas/suite.schema.json` has it."""
+    from quito_cli.problem.json_schema import schema_of
+
+    return schema_of(SuiteFile, "quito suite")

@@ -6,6 +6,7 @@ problem, and all that is wrong in it is told at once.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -100,6 +101,39 @@ def gather(
             cases.append(Case(path.stem, problem, dict(options), dict(constants)))
     name = cases[0].name if len(targets) == 1 else SEVERAL
     return Suite(name, "", tuple(cases), limits)
+
+
+def selected(suite: Suite, patterns: Sequence[str]) -> Suite:
+    """Return a suite of those cases that a pattern means, and of those that they follow.
+
+    Args:
+        suite: to choose from.
+        patterns: parts of names; or whole names with `*` for anything and `?` for a character.
+
+    Raises:
+        UsageError: a pattern means no case.
+    """
+    if not patterns:
+        return suite
+    follows = {case.name: case.follows for case in suite.cases}
+    chosen: set[str] = set()
+    for pattern in patterns:
+        meant = [name for name in follows if _means(pattern, name)]
+        if not meant:
+            raise UsageError(f"no case is called {pattern}{suggest(pattern, follows)}")
+        for name in meant:
+            at: str | None = name
+            while at is not None and at not in chosen:
+                chosen.add(at)
+                at = follows[at]
+    return replace(suite, cases=tuple(case for case in suite.cases if case.name in chosen))
+
+
+def _means(pattern: str, name: str) -> bool:
+    if not set("*?") & set(pattern):
+        return pattern in name
+    parts = (re.escape(part) for part in re.split(r"([*?])", pattern))
+    return bool(re.fullmatch("".join(parts).replace(r"\*", ".*").replace(r"\?", "."), name))
 
 
 def _names_suite(target: str) -> bool:
