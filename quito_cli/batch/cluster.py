@@ -12,12 +12,16 @@ where, and with how many others, it is solved.
 
 from __future__ import annotations
 
+import json
 import logging
+import threading
 import time
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Final
@@ -40,8 +44,10 @@ _GONE: Final = 20.0
 """Seconds without the scheduler after which it is given up."""
 _LOOK: Final = 0.1
 """Seconds between two looks at whether to stop."""
-_GATHER: Final = 5.0
-"""Seconds for a result to come; one whose worker has died meanwhile is waited for anew."""
+_FETCHED: Final = 4
+"""Results fetched at once."""
+_HEARD: Final = 5.0
+"""Seconds that workers have to hear that they are to stop."""
 _COUNT: Final = 2.0
 """Seconds between two looks at how many workers there are."""
 _AT_ONCE: Final = 4
@@ -95,7 +101,10 @@ class _Flight:
     name: str = field(default_factory=lambda: uuid.uuid4().hex)
     flying: dict[str, Future] = field(default_factory=dict)
     """By name of the case."""
-    landed: SimpleQueue[str] = field(default_factory=SimpleQueue)
+    pool: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(_FETCHED))
+    """Fetches results."""
+    landed: SimpleQueue[tuple[str, Any]] = field(default_factory=SimpleQueue)
+    """Deliveries by name of the case, or what was raised in their place."""
     refused: list[Finished] = field(default_factory=list)
     """Cases whose files cannot be read here."""
     threads: int = 0
@@ -117,6 +126,7 @@ class _Flight:
                     self.finished[ended.case.name] = ended
                     yield ended
         finally:
+            self.pool.shutdown(wait=False, cancel_futures=True)
             if self.flying:
                 self._stop()
 
@@ -143,7 +153,7 @@ class _Flight:
             key = f"quito-{self.name}-{case.name}"
             future = self.client.submit(remote.solve, parcel, key=key, pure=False)
             self.flying[case.name] = future
-            future.add_done_callback(lambda _, name=case.name: self.landed.put(name))
+            future.add_done_callback(partial(self.pool.submit, self._fetch, case.name))
 
     def _threads(self) -> int:
         """Return those of the workers, as far as is known here."""
@@ -158,25 +168,26 @@ class _Flight:
         if self.refused:
             return self.refused.pop()
         try:
-            name = self.landed.get(timeout=_LOOK)
+            name, fetched = self.landed.get(timeout=_LOOK)
         except Empty:
             self._refuse_lost()
             return None
-        future = self.flying.get(name)
+        future = self.flying.pop(name, None)
         if future is None:  # it has been taken
             return None
+        if isinstance(fetched, remote.Delivery):
+            return _unpacked(everything[name], fetched, self.setting.folder)
+        if future.cancelled() or self.client.status != "running":
+            self.flying.clear()
+            raise self._lost()
+        return _failed(everything[name], fetched)
+
+    def _fetch(self, name: str, future: Future) -> None:
+        """Get a result from where it is; if that is gone meanwhile, from where it is done again."""
         try:
-            delivery: remote.Delivery = future.result(timeout=_GATHER)
-        except TimeoutError:  # where it was is gone, and others are at it
-            self.landed.put(name)
-            return None
-        except Exception as error:
-            if future.cancelled() or self.client.status != "running":
-                raise self._lost() from None
-            del self.flying[name]
-            return _failed(everything[name], error)
-        del self.flying[name]
-        return _unpacked(everything[name], delivery, self.setting.folder)
+            self.landed.put((name, future.result()))
+        except BaseException as error:
+            self.landed.put((name, error))
 
     def _refuse_lost(self) -> None:
         """Give up when the scheduler has been away for long.
@@ -187,6 +198,7 @@ class _Flight:
         if self.client.status == "running":
             self.seen = time.monotonic()
         elif time.monotonic() - self.seen > _GONE:
+            self.flying.clear()
             raise self._lost()
 
     def _lost(self) -> UnavailableError:
@@ -197,9 +209,15 @@ class _Flight:
 
     def _stop(self) -> None:
         """End what is under way."""
-        with suppress(Exception):  # of a cluster that is gone there is nothing left to end
-            self.client.cancel(list(self.flying.values()), force=True)
-            self.client.run(remote.stop, self.name, on_error="ignore", wait=False)
+
+        def tell() -> None:
+            with suppress(Exception):  # of a cluster that is gone there is nothing left to end
+                self.client.cancel(list(self.flying.values()), force=True)
+                self.client.run(remote.stop, self.name, on_error="ignore")
+
+        telling = threading.Thread(target=tell, daemon=True)
+        telling.start()
+        telling.join(_HEARD)  # a worker that hears nothing is not waited for
 
 
 def _packed(case: Case, start: Path | None) -> tuple[Case, bytes | None]:
@@ -266,8 +284,9 @@ def _connected(address: str) -> Iterator[Client]:
     log.setLevel(logging.CRITICAL)  # what becomes of connections is told here
     try:
         try:
-            known = {"scheduler_file": address} if Path(address).is_file() else {"address": address}
-            client = Client(**known, timeout=_CONNECT, set_as_default=False, name="quito")
+            if Path(address).is_file():
+                address = json.loads(Path(address).read_bytes())["address"]
+            client = Client(address, timeout=_CONNECT, set_as_default=False, name="quito")
         except (ValueError, LookupError, TypeError) as error:
             raise UsageError(
                 f"--cluster {address}: {error}; write tcp://HOST:PORT, as the scheduler prints it, "
@@ -282,7 +301,7 @@ def _connected(address: str) -> Iterator[Client]:
             yield client
         finally:
             with suppress(Exception):  # the cluster may be gone
-                client.close(timeout=_CONNECT)
+                client.close(timeout=_CONNECT if client.status == "running" else _LOOK)
     finally:
         log.setLevel(level)
 
