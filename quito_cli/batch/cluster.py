@@ -153,7 +153,7 @@ class _Flight:
             key = f"quito-{self.name}-{case.name}"
             future = self.client.submit(remote.solve, parcel, key=key, pure=False)
             self.flying[case.name] = future
-            future.add_done_callback(partial(self.pool.submit, self._fetch, case.name))
+            future.add_done_callback(partial(self._land, case.name))
 
     def _threads(self) -> int:
         """Return those of the workers, as far as is known here."""
@@ -181,6 +181,11 @@ class _Flight:
             self.flying.clear()
             raise self._lost()
         return _failed(everything[name], fetched)
+
+    def _land(self, name: str, future: Future) -> None:
+        """Have the result of a case fetched."""
+        with suppress(RuntimeError):  # the run is over
+            self.pool.submit(self._fetch, name, future)
 
     def _fetch(self, name: str, future: Future) -> None:
         """Get a result from where it is; if that is gone meanwhile, from where it is done again."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -39,9 +40,18 @@ def recorded(suite: Suite, setting: Setting, *, resume: bool) -> Iterator[Finish
     """
     with Journal(journal_path(setting.folder, suite), suite.cases, resume=resume) as journal:
         yield from (journal.done[c.name] for c in suite.cases if c.name in journal.done)
-        for finished in run(suite.cases, setting, journal.done):
+        for finished in _runner(setting)(suite.cases, setting, journal.done):
             journal.write(finished)
             yield finished
+
+
+def _runner(setting: Setting) -> Callable[..., Iterator[Finished]]:
+    """Return what runs cases: processes here, or a cluster."""
+    if setting.cluster is None:
+        return run
+    from quito_cli.batch.cluster import run_on
+
+    return partial(run_on, setting.cluster)
 
 
 def run_suite(

@@ -56,6 +56,8 @@ class Setting:
     start."""
     job: Callable[..., Finished] = solve_case
     """What a worker does with a case."""
+    cluster: str | None = None
+    """Address of a Dask scheduler, on whose workers they are run; None: here."""
 
 
 def run(
