@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from quito_cli.cli.options import (
+    Cluster,
     GeneratingFunction,
     MaxIterations,
     Settings,
@@ -15,7 +16,7 @@ from quito_cli.cli.options import (
     Substeps,
     Tolerance,
 )
-from quito_cli.cli.output import check_folder
+from quito_cli.cli.output import check_folder, check_jobs
 from quito_cli.cli.solve import INTERRUPTED
 from quito_cli.errors import UsageError
 from quito_cli.solve import Options
@@ -41,6 +42,7 @@ def batch(
         int | None,
         typer.Option("-j", "--jobs", help="Cases at once. [default: as many as processors]"),
     ] = None,
+    cluster: Cluster = None,
     output: Annotated[
         Path, typer.Option("-o", "--output", help="Folder for results and the journal.")
     ] = Path("results"),
@@ -128,7 +130,8 @@ def batch(
     }
     given = {name: value for name, value in options.items() if value is not None}
     check_folder(output)
-    _check(jobs, keep)
+    _check(keep)
+    check_jobs(jobs, cluster)
     suite = gather(targets, given, parse_settings(settings or [], "--set"))
     suite = limited(selected(suite, only or []), time_limit, memory_limit)
     if listed:
@@ -139,16 +142,17 @@ def batch(
     from quito_cli.cli.live import Live
 
     live = Live(len(suite.cases), quiet=quiet or as_json, verbose=verbose)
-    setting = Setting(jobs or available(), output, keep, suite.limits)  # type: ignore[arg-type]
+    setting = Setting(
+        *(jobs or available(), output, keep, suite.limits),  # type: ignore[arg-type]
+        cluster=cluster,
+    )
     finished, interrupted = _run(suite, setting, live, resume=resume, fail_fast=fail_fast)
     _report(suite, finished, setting, as_json=as_json, quiet=quiet, verbose=verbose)
     _leave(suite, finished, interrupted)
 
 
-def _check(jobs: int | None, keep: str) -> None:
+def _check(keep: str) -> None:
     """Refuse what means nothing."""
-    if jobs is not None and jobs < 1:
-        raise UsageError(f"jobs: a number from 1 on is expected, got {jobs}")
     if keep not in _KEEPS:
         raise UsageError(f"keep: expected {', '.join(_KEEPS[:-1])} or {_KEEPS[-1]}, got {keep!r}")
 

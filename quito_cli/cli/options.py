@@ -79,3 +79,10 @@ Solver = Annotated[
         f"one. [default: {Options.solver}]"
     ),
 ]
+Cluster = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="A Dask scheduler, such as tcp://head-node:8786, whose workers solve the cases.",
+    ),
+]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from quito_cli.cli.options import (
+    Cluster,
     Control,
     Degree,
     Discretization,
@@ -21,9 +22,8 @@ from quito_cli.cli.options import (
     Tolerance,
     Variance,
 )
-from quito_cli.cli.output import Picture, check_folder, check_picture
+from quito_cli.cli.output import Picture, check_folder, check_jobs, check_picture
 from quito_cli.cli.solve import INTERRUPTED
-from quito_cli.errors import UsageError
 
 if TYPE_CHECKING:
     from quito_cli.batch.run import Setting
@@ -62,13 +62,7 @@ def sweep(
         int | None,
         typer.Option("-j", "--jobs", help="Cases at once. [default: as many as processors]"),
     ] = None,
-    cluster: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="A Dask scheduler, such as tcp://head-node:8786, whose workers solve the cases.",
-        ),
-    ] = None,
+    cluster: Cluster = None,
     time_limit: Annotated[
         float | None, typer.Option(metavar="SECONDS", help="Of each case.")
     ] = None,
@@ -128,10 +122,7 @@ def sweep(
         "max_iterations": max_iterations,
         "solver": solver,
     }
-    if jobs is not None and jobs < 1:
-        raise UsageError(f"jobs: a number from 1 on is expected, got {jobs}")
-    if cluster is not None and jobs is not None:
-        raise UsageError("--jobs is of this machine, and the cluster has its own: leave it out")
+    check_jobs(jobs, cluster)
     check_picture(picture)
     check_folder(output)
     shown = known_figures(name for text in figures or SHOWN for name in text.split(","))
