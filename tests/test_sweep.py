@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 import quito_cli as quito
 from quito_cli.batch import dataset
-from quito_cli.batch.axes import MOST_CASES, Axis, axis, parse, shadowed, text_of
+from quito_cli.batch.axes import MOST_CASES, Axis, axis, known, parse, shadowed, text_of
 from quito_cli.batch.case import Case, Ending, Finished
 from quito_cli.batch.figures import TIMES
 from quito_cli.batch.run import Setting, run
@@ -155,13 +155,13 @@ def test_a_number_of_no_size_takes_no_time(lq: Problem) -> None:
 
 
 def test_an_axis_from_a_file_is_that_of_the_command_line(lq: Problem) -> None:
-    assert axis("a", "1:2:3", lq) == axis("a", [1, 1.5, 2], lq)
-    assert axis("steps", [50, 100], lq) == parse(["steps=50,100"], lq)[0]
-    assert axis("a", 2, lq).values == (2.0,)
+    assert axis("a", "1:2:3", known(lq)) == axis("a", [1, 1.5, 2], known(lq))
+    assert axis("steps", [50, 100], known(lq)) == parse(["steps=50,100"], lq)[0]
+    assert axis("a", 2, known(lq)).values == (2.0,)
     with pytest.raises(UsageError, match="True is no number"):
-        axis("a", [True], lq)
+        axis("a", [True], known(lq))
     with pytest.raises(UsageError, match="is no number"):
-        axis("a", [[1]], lq)
+        axis("a", [[1]], known(lq))
 
 
 def test_a_constant_is_meant_before_an_option(reach: Problem) -> None:

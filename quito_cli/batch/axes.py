@@ -13,16 +13,17 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from typing import Any, Final, get_args
+from typing import Any, Final
 
+from quito_cli.batch.axis_values import FORMS, kinds_of, number, value_of
 from quito_cli.batch.case import Scalar
 from quito_cli.errors import UsageError
 from quito_cli.problem.load import SETTABLE
-from quito_cli.problem.options import RequestedOptions
+from quito_cli.problem.options import CommonOptions, RequestedOptions
 from quito_cli.problem.schema import Problem
 from quito_cli.problem.text.complaints import suggest
 
@@ -34,8 +35,7 @@ NO_AXES: Final = {
     "guess": "--warm starts each solve from its neighbour",
 }
 """Options that have no values in an order."""
-_FORMS: Final = "write START:STOP:POINTS, START:STOP:POINTS:log, or values with commas between"
-_SWITCH: Final = {"true": True, "yes": True, "false": False, "no": False}
+_VARIABLES: Final = ("states", "controls", "parameters")
 _DIGITS: Final = 15
 """Of a point between two others on a logarithmic axis: the last would be rounding."""
 _LONGEST: Final = 80
@@ -71,6 +71,28 @@ class Axis:
         return tuple(str(value) for value in self.values)
 
 
+@dataclass(frozen=True)
+class Known:
+    """What there is to go over."""
+
+    constants: tuple[str, ...]
+    variables: Mapping[str, Collection[str]]
+    """States, controls and parameters by section, for hints."""
+    options: type[CommonOptions]
+    """What may be asked for."""
+
+    @property
+    def axes(self) -> list[str]:
+        """Options that have values in an order."""
+        return [option for option in self.options.model_fields if option not in NO_AXES]
+
+
+def known(problem: Problem) -> Known:
+    """Return what a command line may go over."""
+    variables = {section: tuple(getattr(problem, section)) for section in _VARIABLES}
+    return Known(tuple(problem.constants), variables, RequestedOptions)
+
+
 def text_of(value: Scalar) -> str:
     """Return a value as text, a number to six digits."""
     if isinstance(value, bool):
@@ -85,13 +107,13 @@ def parse(given: Iterable[str], problem: Problem) -> tuple[Axis, ...]:
         UsageError: one is not of that form, names nothing that can be swept, has a value that it
             cannot take, or they come to too many cases.
     """
-    axes = []
+    axes, there = [], known(problem)
     for text in given:
         name, equals, values = text.partition("=")
         if not (name.strip() and equals and values.strip()):
-            raise UsageError(f"--over {text!r}: write NAME=VALUES; {_FORMS}")
+            raise UsageError(f"--over {text!r}: write NAME=VALUES; {FORMS}")
         try:
-            axes.append(axis(name.strip(), values.strip(), problem))
+            axes.append(axis(name.strip(), values.strip(), there))
         except UsageError as error:
             raise UsageError(f"--over {text[:_LONGEST]}: {error}") from None
     refuse_unswept(axes)
@@ -116,100 +138,98 @@ def refuse_unswept(axes: Sequence[Axis]) -> None:
         )
 
 
-def axis(name: str, given: Any, problem: Problem) -> Axis:
+def axis(name: str, given: Any, there: Known) -> Axis:
     """Return an axis.
 
     Args:
         name: of a constant, a path, or an option; with hyphens or underscores.
         given: a text as on the command line, a value, or a sequence of values.
-        problem: whose constants are meant.
+        there: what there is to go over.
 
     Raises:
         UsageError: there is nothing of that name, or it cannot have these values.
     """
-    name, option = _named(name, problem)
+    name, option = _named(name, there)
+    model = there.options if option else None
     points = given.split(":") if isinstance(given, str) else []
     if len(points) > 1:
-        return Axis(name, *_range(name, option, [point.strip() for point in points]))
+        return Axis(name, *_range(name, model, [point.strip() for point in points]))
     listed = given.split(",") if isinstance(given, str) else given
     listed = listed if isinstance(listed, list | tuple) else [listed]
     if len(listed) > MOST_CASES:
         raise UsageError(f"{len(listed):,} values, where a sweep has {MOST_CASES:,} at most")
-    read = _option_value if option else _constant_value
-    return Axis(name, _each_once([read(name, value) for value in listed]), option)
+    values = [value_of(name, model, value) for value in listed]
+    return Axis(name, _each_once(values), option)
 
 
 def shadowed(axes: Iterable[Axis]) -> tuple[str, ...]:
     """Return the names that are options too, and swept as constants."""
-    known = RequestedOptions.model_fields
-    return tuple(axis.name for axis in axes if axis.name in known and not axis.option)
+    options = RequestedOptions.model_fields
+    return tuple(axis.name for axis in axes if axis.name in options and not axis.option)
 
 
-def _named(name: str, problem: Problem) -> tuple[str, bool]:
+def _named(name: str, there: Known) -> tuple[str, bool]:
     """Return the name as it is known, and whether it is an option.
 
     Raises:
         UsageError: there is nothing of that name.
     """
-    constants = list(problem.constants)
+    constants = there.constants
     if name in constants:
         return name, False
     if "." in name:
         section, _, rest = name.partition(".")
         if section not in SETTABLE:
-            raise UsageError(
-                f"only {', '.join(SETTABLE)} have values to sweep{_path(name, problem)}"
-            )
+            raise UsageError(f"only {', '.join(SETTABLE)} have values to sweep{_path(name, there)}")
         return (rest if section == "constants" and rest in constants else name), False
     plain = name.replace("-", "_")
     if plain in NO_AXES:
         raise UsageError(f"{name} is no axis: {NO_AXES[plain]}")
-    options = [option for option in RequestedOptions.model_fields if option not in NO_AXES]
-    if plain in options:
+    if plain in there.axes:
         return plain, True
-    if beside := _path(name, problem):
+    if beside := _path(name, there):
         raise UsageError(f"'{name}' is neither a constant nor an option{beside}")
-    known = f"the constants are {', '.join(constants)}" if constants else "it has no constants"
+    has = f"the constants are {', '.join(constants)}" if constants else "it has no constants"
     raise UsageError(
         f"the problem has no constant '{name}', nor is it an option"
-        f"{suggest(name, [*constants, *options])} ({known}); other values are swept by their path, "
-        "such as states.x1.upper"
+        f"{suggest(name, [*constants, *there.axes])} ({has}); other values are swept by their "
+        "path, such as states.x1.upper"
     )
 
 
-def _path(name: str, problem: Problem) -> str:
+def _path(name: str, there: Known) -> str:
     """Return the end of a message on the state, control or parameter that a name begins with."""
     first = name.partition(".")[0]
-    for section in ("states", "controls", "parameters"):
-        if first in getattr(problem, section):
+    for section, names in there.variables.items():
+        if first in names:
             path = name if "." in name else f"{first}.upper"
             return f"; did you mean {section}.{path}?"
     return "; sweep the horizon as time.final" if first in ("t", "tf", "T") else ""
 
 
-def _range(name: str, option: bool, parts: list[str]) -> tuple[tuple[Scalar, ...], bool, bool]:
+def _range(
+    name: str, model: type[CommonOptions] | None, parts: list[str]
+) -> tuple[tuple[Scalar, ...], bool, bool]:
     """Return the points of a range, whether it is an option's, and whether it is logarithmic.
 
     Raises:
         UsageError: it is none.
     """
     if len(parts) not in (3, 4) or (len(parts) == 4 and parts[3] not in ("log", "lin")):
-        raise UsageError(_FORMS)
-    kinds = _kinds(name) if option else (float,)
+        raise UsageError(FORMS)
+    kinds = (float,) if model is None else kinds_of(name, model)
     if not {int, float} & set(kinds):
         raise UsageError(f"{name} has no values between others: list them with commas")
-    start, stop = (Fraction(_number(part)) for part in parts[:2])
+    start, stop = (Fraction(number(part)) for part in parts[:2])
     if not re.fullmatch("[0-9]{1,6}", parts[2]) or not 2 <= int(parts[2]) <= MOST_CASES:
         raise UsageError(f"the number of points is from 2 to {MOST_CASES:,}, got {parts[2][:20]!r}")
     if start == stop:
         raise UsageError(f"the range starts where it stops: write {name}={parts[0]}")
     logarithmic = parts[3:] == ["log"]
     points = _spaced(start, stop, int(parts[2]), logarithmic)
-    if not option:
-        return _each_once(points), option, logarithmic
-    whole = float not in kinds
-    read = [_option_value(name, round(point) if whole else point) for point in points]
-    return _each_once(read), option, logarithmic
+    whole = [point if float in kinds else round(point) for point in points]
+    read = [value_of(name, model, point) for point in whole]
+    return _each_once(read), model is not None, logarithmic
 
 
 def _spaced(start: Fraction, stop: Fraction, count: int, logarithmic: bool) -> list[float]:
@@ -235,72 +255,3 @@ def _each_once(values: list[Any]) -> tuple[Scalar, ...]:
             raise UsageError(f"{text_of(value)} stands there twice: each value is solved once")
         seen.add(value)
     return tuple(values)
-
-
-def _constant_value(_: str, given: Any) -> Scalar:
-    """Return a value of a constant or at a path: a finite number."""
-    if isinstance(given, bool) or not isinstance(given, str | int | float):
-        raise UsageError(f"{given!r} is no number")
-    return float(_number(str(given).strip()))
-
-
-def _number(text: str) -> Fraction | float:
-    """Return a number, exact where it is written as one, or the value of a formula of numbers.
-
-    Raises:
-        UsageError: it is neither.
-    """
-    from quito_cli.problem.values import Reader
-
-    if not text:
-        raise UsageError(f"a value is missing: {_FORMS}")
-    try:
-        near = float(text)
-        if math.isfinite(near):
-            return Fraction(text) if near else Fraction(0)  # of 1e-999999999 nothing else is wanted
-    except ValueError:
-        pass
-    reader = Reader()
-    value = reader.number(("value",), text, {})
-    if value is None or not math.isfinite(value):
-        said = reader.complaints[0].message if reader.complaints else "no finite number"
-        raise UsageError(f"{text!r} is no number: {said}")
-    return value
-
-
-def _option_value(name: str, given: Any) -> Scalar:
-    """Return a value of an option, as the option has it.
-
-    Raises:
-        UsageError: the option cannot be that.
-    """
-    from pydantic import ValidationError
-
-    from quito_cli.problem.wording import expected
-
-    value = _scalar(given.strip(), _kinds(name)) if isinstance(given, str) else given
-    try:
-        options = RequestedOptions.model_validate({name: value})
-    except ValidationError as error:
-        raise UsageError(f"{given}: {expected(error.errors()[0])}") from None
-    read: Scalar = getattr(options, name)
-    return float(read) if _kinds(name) == (float,) else read
-
-
-def _scalar(text: str, kinds: tuple[type, ...]) -> Scalar:
-    """Return a text as what an option of these types makes of it; itself where it is neither."""
-    if bool in kinds:
-        return _SWITCH.get(text.lower(), text)
-    for kind in (int, float):
-        if kind in kinds or (kind is int and float in kinds):
-            try:
-                return kind(text)
-            except ValueError:
-                pass
-    return text
-
-
-def _kinds(name: str) -> tuple[type, ...]:
-    """Return the types of an option's values."""
-    annotation = RequestedOptions.model_fields[name].annotation
-    return tuple(kind for kind in get_args(annotation) if kind is not type(None))

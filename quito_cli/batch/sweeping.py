@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from quito_cli.batch.axes import axis, parse, refuse_unswept
+from quito_cli.batch.axes import axis, known, parse, refuse_unswept
 from quito_cli.batch.case import Finished, Scalar
 from quito_cli.batch.figures import COSTLY, FIGURES
 from quito_cli.batch.recorded import limited, recorded
@@ -80,7 +80,7 @@ def plan(
     """Return the cases of a sweep; arguments as of `sweep`."""
     loaded = load(problem)
     if isinstance(over, Mapping):
-        axes = tuple(axis(name, values, loaded) for name, values in over.items())
+        axes = tuple(axis(name, values, known(loaded)) for name, values in over.items())
         refuse_unswept(axes)
     else:
         axes = parse(over, loaded)
