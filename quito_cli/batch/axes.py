@@ -17,6 +17,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, Final
 
 from quito_cli.batch.axis_values import FORMS, kinds_of, number, value_of
@@ -38,6 +39,8 @@ NO_AXES: Final = {
 _VARIABLES: Final = ("states", "controls", "parameters")
 _DIGITS: Final = 15
 """Of a point between two others on a logarithmic axis: the last would be rounding."""
+_EVEN: Final = 1e-6
+"""How much steps that are the same may differ."""
 _LONGEST: Final = 80
 """Characters of what was given that are repeated in a message."""
 _SHORT: Final = 6
@@ -158,8 +161,17 @@ def axis(name: str, given: Any, there: Known) -> Axis:
     listed = listed if isinstance(listed, list | tuple) else [listed]
     if len(listed) > MOST_CASES:
         raise UsageError(f"{len(listed):,} values, where a sweep has {MOST_CASES:,} at most")
-    values = [value_of(name, model, value) for value in listed]
-    return Axis(name, _each_once(values), option)
+    values = _each_once([value_of(name, model, value) for value in listed])
+    return Axis(name, values, option, evenly_multiplied(values))
+
+
+def evenly_multiplied(values: Sequence[Scalar]) -> bool:
+    """Whether each value is the same multiple of the one before: three or more numbers."""
+    if len(values) < 3 or not all(isinstance(v, int | float) and v > 0 for v in values):
+        return False
+    logs = [math.log(float(value)) for value in values]
+    steps = [after - before for before, after in pairwise(logs)]
+    return max(steps) - min(steps) <= _EVEN * max(map(abs, steps))
 
 
 def shadowed(axes: Iterable[Axis]) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ side by side, and what a case starts from does not depend on how many are.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -134,10 +134,7 @@ def expand(
         raise UsageError("a sweep goes over something: add --over NAME=START:STOP:POINTS")
     _refuse_set(axes, options, constants)
     _refuse_combinations(problem, axes, options)
-    cases = tuple(
-        _case(axes, index, where, options, constants, warm)
-        for index in product(*(range(len(axis.values)) for axis in axes))
-    )
+    cases = tuple(_case(point, where, options, constants) for point in points(axes, warm=warm))
     _check(problem, cases[0])
     return Sweep(
         problem.name, problem.title, problem.text, tuple(axes), cases, options, constants, warm
@@ -150,30 +147,62 @@ def collected(sweep: Sweep, finished: Iterable[Finished]) -> Swept:
     return Swept(sweep, tuple(by_name.get(case.name) for case in sweep.cases))
 
 
+@dataclass(frozen=True)
+class Point:
+    """A place on the grid of some axes; mappings are by the names of these."""
+
+    options: dict[str, Scalar]
+    """Values of those that are options."""
+    constants: dict[str, Scalar]
+    """Values of the others."""
+    labels: Mapping[str, str]
+    before: Mapping[str, str] | None
+    """Labels of the neighbour to start from; None where there is none."""
+
+    @property
+    def values(self) -> dict[str, Scalar]:
+        """Values of all axes, in their order."""
+        both = self.options | self.constants
+        return {name: both[name] for name in self.labels}
+
+
+def points(axes: Sequence[Axis], *, warm: bool) -> Iterator[Point]:
+    """Yield all combinations of the values of axes, the last axis fastest.
+
+    Args:
+        axes: without any there is one point.
+        warm: whether points have neighbours to start from.
+    """
+    for index in product(*(range(len(axis.values)) for axis in axes)):
+        at = list(zip(axes, index, strict=True))
+        yield Point(
+            {axis.name: axis.values[i] for axis, i in at if axis.option},
+            {axis.name: axis.values[i] for axis, i in at if not axis.option},
+            _labels(axes, index),
+            _labels(axes, _neighbour(index)) if warm and any(index) else None,
+        )
+
+
+def _labels(axes: Sequence[Axis], index: Sequence[int]) -> dict[str, str]:
+    return {axis.name: axis.labels[i] for axis, i in zip(axes, index, strict=True)}
+
+
 def _case(
-    axes: Sequence[Axis],
-    index: tuple[int, ...],
-    where: str,
-    options: Mapping[str, Any],
-    constants: Mapping[str, Scalar],
-    warm: bool,
+    point: Point, where: str, options: Mapping[str, Any], constants: Mapping[str, Scalar]
 ) -> Case:
-    """Return the case at a place of the grid."""
-    point = {axis.name: axis.values[i] for axis, i in zip(axes, index, strict=True)}
-    chosen = {axis.name: point[axis.name] for axis in axes if axis.option}
-    others = {axis.name: point[axis.name] for axis in axes if not axis.option}
+    """Return the case at a point."""
     return Case(
-        name=_name(axes, index),
+        name=_name(point.labels),
         problem=where,
-        options={**options, **chosen},
-        constants={**constants, **others},
-        axes=point,
-        follows=_name(axes, _neighbour(index)) if warm and any(index) else None,
+        options={**options, **point.options},
+        constants={**constants, **point.constants},
+        axes=point.values,
+        follows=None if point.before is None else _name(point.before),
     )
 
 
-def _name(axes: Sequence[Axis], index: Sequence[int]) -> str:
-    return ",".join(f"{axis.name}={axis.labels[i]}" for axis, i in zip(axes, index, strict=True))
+def _name(labels: Mapping[str, str]) -> str:
+    return ",".join(f"{name}={label}" for name, label in labels.items())
 
 
 def _neighbour(index: tuple[int, ...]) -> tuple[int, ...]:
@@ -208,12 +237,12 @@ def _refuse_combinations(
         UsageError: some do; the place is named.
     """
     swept = [axis for axis in axes if axis.option]
-    for index in product(*(range(len(axis.values)) for axis in swept)):
-        chosen = {axis.name: axis.values[i] for axis, i in zip(swept, index, strict=True)}
+    for point in points(swept, warm=False):
         try:
-            Options.resolve(problem.options, {**options, **chosen})
+            Options.resolve(problem.options, {**options, **point.options})
         except UsageError as error:
-            raise type(error)(f"{_name(swept, index)}: {error}" if swept else str(error)) from None
+            at = f"{_name(point.labels)}: " if swept else ""
+            raise type(error)(f"{at}{error}") from None
 
 
 def _check(problem: Problem, case: Case) -> None:

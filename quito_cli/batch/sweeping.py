@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import groupby, product
 from pathlib import Path
 from typing import Any, Final
 
-from quito_cli.batch.axes import axis, known, parse, refuse_unswept
-from quito_cli.batch.case import Finished, Scalar
+from quito_cli.batch.axes import Axis, axis, evenly_multiplied, known, parse, refuse_unswept
+from quito_cli.batch.case import Case, Finished, Scalar
 from quito_cli.batch.figures import COSTLY, FIGURES
 from quito_cli.batch.recorded import limited, recorded
 from quito_cli.batch.run import Setting, available
+from quito_cli.batch.solving import file_stem
 from quito_cli.batch.suite import Suite
 from quito_cli.batch.sweep import Sweep, Swept, collected, expand, place_of
 from quito_cli.errors import UsageError
-from quito_cli.problem.load import find, load
+from quito_cli.problem.load import find, load, text_of
 from quito_cli.problem.text.complaints import suggest
 
 SUFFIX: Final = "-sweep"
@@ -91,6 +93,41 @@ def plan(
 def suite_of(planned: Sweep) -> Suite:
     """Return a sweep as a suite."""
     return Suite(f"{planned.name}{SUFFIX}", planned.title, planned.cases, {})
+
+
+def grids(suite: Suite) -> tuple[Sweep, ...]:
+    """Return the sweeps and matrices of a suite, each with the cases that it has in a row.
+
+    Only those whose cases are all there: of a matrix that was filtered there is no grid.
+    """
+    found = []
+    for (base, problem, names), group in groupby(suite.cases, _origin):
+        cases = tuple(group)
+        axes = tuple(_axis(name, cases) for name in names)
+        combinations = product(*(axis.values for axis in axes))
+        if names and [tuple(case.axes.values()) for case in cases] == list(combinations):
+            name = file_stem(base)
+            warm = any(case.follows for case in cases)
+            found.append(Sweep(name, base, _text(problem), axes, cases, {}, {}, warm))
+    return tuple(found)
+
+
+def _origin(case: Case) -> tuple[str, str, tuple[str, ...]]:
+    """Return what cases of one grid have in common."""
+    return case.name.partition("[")[0], case.problem, tuple(case.axes)
+
+
+def _axis(name: str, cases: Sequence[Case]) -> Axis:
+    """Return an axis of a grid from the places of its cases."""
+    values = tuple(dict.fromkeys(case.axes[name] for case in cases))
+    return Axis(name, values, name not in cases[0].constants, evenly_multiplied(values))
+
+
+def _text(problem: str) -> str:
+    try:
+        return text_of(find(problem))
+    except UsageError:  # as its cases have told
+        return ""
 
 
 def run_through(

@@ -71,6 +71,12 @@ def batch(
     fail_fast: Annotated[
         bool, typer.Option("--fail-fast", help="Stop at the first case that does not pass.")
     ] = False,
+    sweeps: Annotated[
+        bool,
+        typer.Option(
+            "--sweeps", help="Write an HDF5 and pictures of each sweep and matrix of the suite."
+        ),
+    ] = False,
     listed: Annotated[bool, typer.Option("--list", help="Show the cases, and solve none.")] = False,
     steps: Steps = None,
     variance: Annotated[
@@ -148,6 +154,8 @@ def batch(
     )
     finished, interrupted = _run(suite, setting, live, resume=resume, fail_fast=fail_fast)
     _report(suite, finished, setting, as_json=as_json, quiet=quiet, verbose=verbose)
+    if sweeps:
+        _write_sweeps(suite, finished, output, quiet=quiet or as_json)
     _leave(suite, finished, interrupted)
 
 
@@ -198,6 +206,24 @@ def _report(
         print_json(suite, finished)
     elif not quiet:
         print_summary(suite, finished, setting.folder, verbose=verbose)
+
+
+def _write_sweeps(
+    suite: Suite, finished: tuple[Finished, ...], folder: Path, *, quiet: bool
+) -> None:
+    """Write and draw the grids of a suite."""
+    from quito_cli.batch.dataset import save
+    from quito_cli.batch.sweep import collected
+    from quito_cli.batch.sweeping import SHOWN, SUFFIX, grids
+    from quito_cli.plots.sweep import draw_all
+
+    for grid in grids(suite):
+        swept = collected(grid, finished)
+        path = folder / f"{grid.name}{SUFFIX}.h5"
+        save(swept, path)
+        drawn = draw_all(swept, SHOWN, folder, "png")
+        if not quiet:
+            typer.echo(f"Saved {', '.join(map(str, (path, *drawn)))}")
 
 
 def _leave(suite: Suite, finished: tuple[Finished, ...], interrupted: bool) -> None:
