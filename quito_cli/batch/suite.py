@@ -306,7 +306,9 @@ def _twice(drafts: Sequence[Draft]) -> Iterator[Complaint]:
     seen: dict[str, str] = {}
     for draft in drafts:
         name = draft.case.name
-        other = seen.setdefault(file_stem(name).casefold(), name)
-        if other is not name:
+        stem = file_stem(name).casefold()
+        if stem in seen:
+            other = seen[stem]
             also = f"called {name}" if other == name else f"called {other}, and file names clash"
             yield Complaint(draft.place, f"another case is {also}: give this one a `name`")
+        seen[stem] = name
