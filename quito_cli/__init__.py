@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from quito_cli.solve import Options, solve
 
 if TYPE_CHECKING:
+    from quito_cli.batch.sweeping import sweep
     from quito_cli.comparison.compare import compare
     from quito_cli.comparison.comparison import Comparison
     from quito_cli.comparison.results import compare_results
@@ -37,6 +38,7 @@ _HOMES = {
     "UnavailableError": "quito_cli.errors",
     "UsageError": "quito_cli.errors",
     "load": "quito_cli.problem.load",
+    "sweep": "quito_cli.batch.sweeping",
 }
 
 __all__ = [
@@ -53,6 +55,7 @@ __all__ = [
     "compare_results",
     "load",
     "solve",
+    "sweep",
 ]
 
 

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import math
+import signal
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +16,8 @@ import h5py
 import numpy as np
 import pytest
 import xarray
+from documents import Ran
+from documents import run as command
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
@@ -22,7 +28,9 @@ from quito_cli.batch.axes import MOST_CASES, Axis, axis, known, parse, shadowed,
 from quito_cli.batch.case import Case, Ending, Finished
 from quito_cli.batch.figures import TIMES
 from quito_cli.batch.run import Setting, run
+from quito_cli.batch.suite import Suite, load_suite
 from quito_cli.batch.sweep import Sweep, Swept, collected, expand
+from quito_cli.batch.sweeping import grids
 from quito_cli.errors import UsageError
 from quito_cli.plots.sweep import draw_all, figures
 from quito_cli.plots.sweep_scales import edges
@@ -585,3 +593,230 @@ def test_pictures_are_written(lq_swept: Swept, tmp_path: Path) -> None:
             *(f"lq-sweep.{ending}", f"lq-sweep-trajectories.{ending}")
         ]
         assert all(path.read_bytes().startswith(magic) for path in paths)
+
+
+# The command
+
+
+def quito_sweep(
+    arguments: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Ran:
+    code = command(["sweep", *arguments], monkeypatch)
+    said = capsys.readouterr()
+    return Ran(code, said.out, said.err)
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> str:
+    path = tmp_path / "reach.yaml"
+    path.write_text(REACH)
+    return str(path)
+
+
+def test_the_command_prints_a_table_and_writes_what_it_says(
+    file: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = [file, "--over", "goal=0.5,1.5", "-o", str(tmp_path / "out"), "-j", "1"]
+    ran = quito_sweep([*arguments, "--figures", "cost,switching_times"], monkeypatch, capsys)
+    assert ran.code == 1
+    lines = [line.split() for line in ran.out.splitlines()]
+    assert ["goal", "cost", "switching", "times", "seconds", "ended"] in lines
+    (first,) = (line for line in lines if line[:1] == ["0.5"])
+    assert float(first[1]) == pytest.approx(0.25, rel=1e-4)
+    assert first[-1] == "passed"
+    (second,) = (line for line in lines if line[:1] == ["1.5"])
+    assert second[1:3] == ["-", "-"]
+    assert second[-1] == "unsolved"
+    assert "Not all solved. 1 of 2 cases" in ran.out
+    written = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert written == [
+        *("reach-sweep", "reach-sweep-trajectories.png", "reach-sweep.h5", "reach-sweep.png")
+    ]
+    assert all(name in ran.out for name in written)
+    assert (tmp_path / "out" / "reach-sweep" / "goal=0.5.h5").is_file()
+    assert opened(tmp_path / "out" / "reach-sweep.h5")["cost"].dims == ("goal",)
+
+
+def test_json_is_one_object_whatever_becomes_of_the_cases(
+    file: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = [file, "--over", "goal=0.5,1.5", "--over", "constants.steps=1", "--json"]
+    ran = quito_sweep(
+        [*arguments, "--no-plot", "-N", "10", "-o", str(tmp_path)], monkeypatch, capsys
+    )
+    said = ran.json
+    assert ran.code == said["exit_code"] == 1
+    assert said["axes"] == [
+        {"name": "goal", "option": False, "values": [0.5, 1.5]},
+        {"name": "steps", "option": False, "values": [1.0]},
+    ]
+    assert said["solved"] == 1
+    assert [case["ending"] for case in said["cases"]] == ["passed", "unsolved"]
+    assert said["cases"][0]["figures"]["cells"] == 10  # -N is the option, not the constant
+    assert said["cases"][0]["figures"]["cost"] == pytest.approx(0.25, rel=1e-2)
+    assert said["notes"] == [
+        "steps: a constant of the problem and an option of a solve; the constant was swept"
+    ]
+    assert (said["hdf5"], said["plots"]) == (str(tmp_path / "reach-sweep.h5"), [])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "a sweep goes over something: add --over"),
+        (["--over", "goal=1,2", "--figures", "costs"], "no figure 'costs'; did you mean 'cost'?"),
+        (["--over", "goal=1,2", "-j", "0"], "jobs: a number from 1 on"),
+        (["--over", "goal=1,2", "--set", "goal=1"], "goal is swept over: leave out --set goal"),
+        (["--over", "variance=1,2", "--variance", "3"], "leave out --variance"),
+        (["--over", "goal=1,2", "--cluster", "tcp://a:1", "-j", "2"], "a cluster has its own"),
+        (["--over", "goal=1,2", "--time-limit", "0"], "time-limit: a number of seconds above 0"),
+        (["--over", "goal=1,2", "--memory-limit", "much"], "expected a size such as"),
+        (["--over", "goal=1,2", "--format", "jpg"], "expected png, pdf or svg"),
+        (["--over", "goal=1,2", "--resume"], "there is nothing to resume"),
+        (["--over", "goals=1,2"], "--over goals=1,2: the problem has no constant 'goals'"),
+    ],
+)
+def test_a_wrong_command_line_says_why(
+    arguments: list[str],
+    words: str,
+    file: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    ran = quito_sweep([file, *arguments, "-o", str(tmp_path / "out")], monkeypatch, capsys)
+    assert (ran.code, ran.out) == (2, "")
+    assert words in ran.err
+
+
+def test_interrupted_it_keeps_what_is_done_and_goes_on_from_there(
+    file: str, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    arguments = ["sweep", file, "--over", "goal=0.01:0.99:60", "-j", "1", "-o", str(out)]
+    line = [sys.executable, "-m", "quito_cli", *arguments, "--no-plot"]
+    with subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as running:
+        assert running.stdout is not None
+        assert running.stdout.readline().startswith(b"passed")
+        running.send_signal(signal.SIGINT)
+        _, said = running.communicate(timeout=30)
+    assert running.returncode == 130
+    assert b"--resume goes on" in said
+    before = opened(out / "reach-sweep.h5")
+    done = int(before["success"].sum())
+    assert 0 < done < 60
+    assert (before["ending"].values[-1], np.isnan(before["cost"].values[-1])) == ("", True)
+    times = {path: path.stat().st_mtime_ns for path in (out / "reach-sweep").glob("*.h5")}
+    again = subprocess.run(
+        [*line, "--resume", "--json"], capture_output=True, timeout=60, check=True
+    )
+    assert json.loads(again.stdout)["solved"] == 60
+    first = out / "reach-sweep" / "goal=0.01.h5"
+    assert first.stat().st_mtime_ns == times[first]
+    cost = opened(out / "reach-sweep.h5")["cost"]
+    assert cost.values == pytest.approx(np.linspace(0.01, 0.99, 60) ** 2, rel=1e-3)
+
+
+def test_a_reference_is_not_held_against_other_problems(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "known.yaml"
+    for general, applies in (("", False), (", general: true", True)):
+        path.write_text(f"{REACH}reference: {{cost: goal^2, accuracy: 1.0e-9{general}}}\n")
+        arguments = [str(path), "--over", "goal=0.25,0.75", "--json", "--no-plot", "-j", "1"]
+        ran = quito_sweep([*arguments, "-o", str(tmp_path)], monkeypatch, capsys)
+        errors = [case["figures"]["cost_error"] for case in ran.json["cases"]]
+        assert [error is not None for error in errors] == [applies, applies]
+        assert not applies or max(errors) < 1e-3
+
+
+def test_from_python_it_is_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "lq.yaml"
+    path.write_text(TEXT)
+    swept = quito.sweep(
+        path, {"a": "1:2:2", "steps": [10, 20]}, jobs=1, output=tmp_path, variance=3
+    )
+    cost = swept.grid("cost")
+    assert cost is not None
+    assert cost[1] == pytest.approx(2 * math.tanh(1), rel=1e-4)
+    assert swept.sweep.options == {"variance": 3}
+    with pytest.raises(UsageError, match="no constant 'b'"):
+        quito.sweep(path, {"b": [1, 2]}, output=tmp_path)
+
+
+# In suites
+
+
+SUITE = """\
+cases:
+  - problem: reach.yaml
+    set: {steps: 2}
+    matrix: {variance: [2, 3]}
+    over: {goal: "0.5:1:3", substeps: [1, 2]}
+    warm: true
+    expect: {cost: <= 1.1}
+"""
+
+
+def suite_at(folder: Path, text: str) -> Suite:
+    (folder / "reach.yaml").write_text(REACH)
+    (folder / "suite.yaml").write_text(text)
+    return load_suite(folder / "suite.yaml")
+
+
+def test_a_suite_has_the_cases_of_the_command_line(reach: Problem, tmp_path: Path) -> None:
+    suite = suite_at(tmp_path, SUITE)
+    sweep = plan(reach, "goal=0.5:1:3", "substeps=1,2", warm=True)
+    for variance, cases in ((2, suite.cases[:6]), (3, suite.cases[6:])):
+        for case, other in zip(cases, sweep.cases, strict=True):
+            assert case.name == f"reach[variance={variance},{other.name}]"
+            follows = other.follows and f"reach[variance={variance},{other.follows}]"
+            assert case.follows == follows
+            assert case.options == {"variance": variance, **other.options}
+            assert case.constants == {"steps": 2, **other.constants}
+            assert case.axes == {"variance": variance, **other.axes}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("goal:", "gaol:", "suite.yaml:5:12: the problem has no constant 'gaol'"),
+        ('"0.5:1:3"', "0.5:1", "suite.yaml:5:12: write START:STOP:POINTS"),
+        ("substeps:", "variance:", "variance is in the matrix, too"),
+        ("substeps: [1, 2]", "substeps: [1, 0.5]", "0.5: expected a whole number"),
+        ("substeps: [1, 2]", "objective_scale: [1, 2]", "nor is it an option"),
+        ("[1, 2]", "{from: 1}", "expected a range such as 0.1:2:20, or a list of values"),
+        (
+            '    over: {goal: "0.5:1:3", substeps: [1, 2]}\n',
+            "",
+            "suite.yaml:5:5: continuation goes",
+        ),
+        ("0.5:1:3", "0:1:6000", "this sweep has 24,000 combinations"),
+    ],
+)
+def test_what_is_wrong_with_a_sweep_of_a_suite_is_shown(
+    old: str, new: str, words: str, tmp_path: Path
+) -> None:
+    with pytest.raises(ProblemError) as caught:
+        suite_at(tmp_path, SUITE.replace(old, new))
+    assert words in str(caught.value)
+
+
+def test_sweeps_and_matrices_of_a_suite_are_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = SUITE.replace("    matrix: {variance: [2, 3]}\n", "") + "  - van_der_pol\n"
+    suite = suite_at(tmp_path, text)
+    (grid,) = grids(suite)
+    assert [axis.name for axis in grid.axes] == ["goal", "substeps"]
+    assert [axis.option for axis in grid.axes] == [False, True]
+    assert grids(replace(suite, cases=suite.cases[1:])) == ()  # a case is missing
+    out = tmp_path / "out"
+    arguments = [str(tmp_path / "suite.yaml"), "--sweeps", "-o", str(out), "-j", "1"]
+    assert command(["batch", *arguments, "--filter", "reach"], monkeypatch) == 0
+    assert "reach-sweep.h5" in capsys.readouterr().out
+    data = opened(out / "reach-sweep.h5")
+    assert data["cost"].dims == ("goal", "substeps")
+    for goal in (0.5, 0.75, 1):
+        assert data["cost"].sel(goal=goal).values == pytest.approx(goal**2, rel=1e-4)
+    assert (out / "reach-sweep.png").is_file()
