@@ -272,6 +272,15 @@ def test_a_file_that_is_no_scheduler_file_is_refused(tmp_path: Path) -> None:
             list(run_on(str(path), [case], Setting(1, tmp_path, "all")))
 
 
+def test_a_scheduler_file_is_waited_for_a_while(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cluster, "_CONNECT", 0.3)
+    (case,) = cases_over("a=1")
+    with pytest.raises(UnavailableError, match=r"no scheduler file .*none\.json: start"):
+        list(run_on(str(tmp_path / "none.json"), [case], Setting(1, tmp_path, "all")))
+
+
 def test_without_dask_it_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from documents import Block, blocks, code_spans, prose, run
+from documents import COMMANDS, Block, blocks, code_spans, prose, run
 from scipy.optimize import brentq
 
 import quito_cli as quito
@@ -25,7 +25,7 @@ from quito_cli.solve import Options
 ROOT = Path(__file__).parent.parent
 FOLDER = ROOT / "problems"
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in sorted(FOLDER.glob("*.md"))}
-NO_FAMILY = {"README.md", "options.md", "adaptive-mesh.md"}
+NO_FAMILY = {"README.md", "options.md", "adaptive-mesh.md", "sweeps.md"}
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
@@ -255,13 +255,14 @@ def test_every_option_that_is_named_is_one(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     helps = {}
-    for command in ("solve", "check", "new", "list", "show", "plot"):
+    for command in COMMANDS:
         assert run([command, "--help"], monkeypatch) == 0
         helps[command] = capsys.readouterr().out
-    for page in PAGES.values():
+    for name, page in PAGES.items():
         for span in code_spans(page):
             program, *words = span.split()
-            command = words[0] if program == "quito" else "solve"
+            of_page = "sweep" if name == "sweeps.md" else "solve"
+            command = words[0] if program == "quito" else of_page
             assert command in helps, span
             home = helps["new" if program == "--from" else command]
             for word in span.split() if span.startswith(("-", "quito ")) else ():

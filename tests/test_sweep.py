@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import math
+import re
 import signal
 import subprocess
 import sys
@@ -820,3 +822,34 @@ def test_sweeps_and_matrices_of_a_suite_are_written(
     for goal in (0.5, 0.75, 1):
         assert data["cost"].sel(goal=goal).values == pytest.approx(goal**2, rel=1e-4)
     assert (out / "reach-sweep.png").is_file()
+
+
+# What the README says
+
+
+README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_axes_of_the_readme_are_axes() -> None:
+    rows = re.findall(r"^\| `--over (\S+)` \|", README, re.MULTILINE)
+    assert len(rows) == 5
+    problem = quito.load("van_der_pol")
+    counts = [len(one.values) for row in rows for one in parse([row], problem)]
+    assert counts == [20, 10, 3, 2, 5]
+
+
+def test_the_sweep_of_the_readme_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On few cells, and over the first of its values."""
+    (line,) = re.findall(r"<!-- command: sweep -->\n```sh\nquito (.*)\n```", README)
+    assert "mu=1:8:8 " in line
+    monkeypatch.chdir(tmp_path)
+    words = line.replace("mu=1:8:8", "mu=1:2:2").split()
+    assert command([*words, "-N", "20", "--quiet"], monkeypatch) == 0
+    for name in re.findall(r"`results/(van_der_pol-sweep\S*)`", README):
+        assert (tmp_path / "results" / name).exists(), name
+
+
+def test_the_scripts_of_the_readme_are_python_and_name_what_there_is() -> None:
+    (script,) = re.findall(r"```python\n(import subprocess\n.*?)```", README, re.DOTALL)
+    ast.parse(script)
+    assert '"--cluster", cluster.scheduler_address' in script

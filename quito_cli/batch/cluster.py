@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 
 _CONNECT: Final = 10.0
 """Seconds in which the scheduler has to answer."""
+_FILE: Final = ".json"
+"""How a scheduler file is called that need not be there yet."""
 _GONE: Final = 20.0
 """Seconds without the scheduler after which it is given up."""
 _LOOK: Final = 0.1
@@ -270,6 +272,22 @@ def _failed(case: Case, error: Exception) -> Finished:
     return Finished(case, Ending.CRASHED, f"on the cluster: {said}", {}, (), 0.0, None)
 
 
+def _address_in(path: Path) -> str:
+    """Return the address in a file of a scheduler, which may be about to be written.
+
+    Raises:
+        UnavailableError: there is no such file, even after a while.
+    """
+    end = time.monotonic() + _CONNECT
+    while not path.is_file() or not path.read_bytes().strip():
+        if time.monotonic() > end:
+            raise UnavailableError(
+                f"there is no scheduler file {path}: start `dask scheduler --scheduler-file {path}`"
+            )
+        time.sleep(_LOOK)
+    return str(json.loads(path.read_bytes())["address"])
+
+
 @contextmanager
 def _connected(address: str) -> Iterator[Client]:
     """Connect with the scheduler.
@@ -289,8 +307,8 @@ def _connected(address: str) -> Iterator[Client]:
     log.setLevel(logging.CRITICAL)  # what becomes of connections is told here
     try:
         try:
-            if Path(address).is_file():
-                address = json.loads(Path(address).read_bytes())["address"]
+            if address.endswith(_FILE) or Path(address).is_file():
+                address = _address_in(Path(address))
             client = Client(address, timeout=_CONNECT, set_as_default=False, name="quito")
         except (ValueError, LookupError, TypeError) as error:
             raise UsageError(
