@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from quito_cli.solve import Options, solve
 
 if TYPE_CHECKING:
+    from quito_cli.batch.recorded import run_suite
     from quito_cli.batch.sweeping import sweep
     from quito_cli.comparison.compare import compare
     from quito_cli.comparison.comparison import Comparison
@@ -38,6 +39,7 @@ _HOMES = {
     "UnavailableError": "quito_cli.errors",
     "UsageError": "quito_cli.errors",
     "load": "quito_cli.problem.load",
+    "run_suite": "quito_cli.batch.recorded",
     "sweep": "quito_cli.batch.sweeping",
 }
 
@@ -54,6 +56,7 @@ __all__ = [
     "compare",
     "compare_results",
     "load",
+    "run_suite",
     "solve",
     "sweep",
 ]

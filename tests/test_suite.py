@@ -138,6 +138,7 @@ def test_includes_are_problems_and_suites(folder: Path) -> None:
     (folder / "more" / "b.yaml").write_text(CART, encoding="utf-8")
     (folder / "more" / "a.yml").write_text(CART, encoding="utf-8")
     (folder / "more" / "c.txt").write_text("neither", encoding="utf-8")
+    (folder / ".hidden.yaml").write_text("half a file", encoding="utf-8")
     inner = "defaults: {options: {steps: 5}}\ncases: [b.yaml, {problem: b.yaml, name: again}]\n"
     (folder / "more" / "inner.yaml").write_text(inner, encoding="utf-8")
     made = suite(
@@ -304,7 +305,7 @@ def test_what_makes_no_sense_is_told_as_well(folder: Path) -> None:
         "14:14: cart.txt is no problem file: those end in .yaml or .yml",
         f"15:5: {both}",
         f"16:5: {both}",
-        "17:24: what is included has its own names: leave `name` out",
+        "17:26: what is included has its own names: leave `name` out",
         "18:15: inner.yaml is a suite, whose cases are taken as they stand there: leave `expect` "
         "and `options` out",
     ]

@@ -147,7 +147,7 @@ def batch(
         return
     from quito_cli.cli.live import Live
 
-    live = Live(len(suite.cases), quiet=quiet or as_json, verbose=verbose)
+    live = Live(len(suite.cases), silent=as_json, quiet=quiet, verbose=verbose)
     setting = Setting(
         *(jobs or available(), output, keep, suite.limits),  # type: ignore[arg-type]
         cluster=cluster,

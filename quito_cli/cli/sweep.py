@@ -137,8 +137,8 @@ def sweep(
         record=tuple(sorted(COSTLY.intersection(shown))),
         cluster=cluster,
     )
-    live = Live(len(suite.cases), quiet=quiet or as_json, verbose=False)
-    swept, interrupted = _run(planned, suite, setting, live, resume=resume, quiet=quiet or as_json)
+    live = Live(len(suite.cases), silent=as_json, quiet=quiet, verbose=False)
+    swept, interrupted = _run(planned, suite, setting, live, resume=resume)
     path = output / f"{suite.name}.h5"
     save(swept, path)
     files = (path, *(() if no_plot else _draw(swept, shown, output, picture)))
@@ -147,7 +147,7 @@ def sweep(
 
 
 def _run(
-    planned: Sweep, suite: Suite, setting: Setting, live: Live, *, resume: bool, quiet: bool
+    planned: Sweep, suite: Suite, setting: Setting, live: Live, *, resume: bool
 ) -> tuple[Swept, bool]:
     """Return what became of the cases, and whether the user stopped it."""
     from dataclasses import replace
@@ -162,8 +162,7 @@ def _run(
             return interruption.requested
 
         setting = replace(setting, stop=stop, watch=live.watch if live.moving else None)
-        show = (lambda finished: None) if quiet else live.show
-        swept = run_through(planned, suite, setting, resume=resume, show=show)
+        swept = run_through(planned, suite, setting, resume=resume, show=live.show)
         return swept, interruption.requested
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from pathlib import Path
 
 _PACKAGE = Path(__file__).resolve().parent.parent
@@ -35,5 +36,6 @@ def _files() -> dict[str, Path]:
     return {path.stem: path for path in sorted(data_folder("problems").glob("*.yaml"))}
 
 
+@cache  # they do not change
 def _is_suite(path: Path) -> bool:
     return says_cases(path.read_text(encoding="utf-8"))
