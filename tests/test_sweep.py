@@ -804,6 +804,16 @@ def test_what_is_wrong_with_a_sweep_of_a_suite_is_shown(
     assert words in str(caught.value)
 
 
+@pytest.mark.parametrize("keep", ["failed", "none"])
+def test_continuation_needs_what_it_starts_from(
+    keep: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    suite_at(tmp_path, SUITE)
+    arguments = [str(tmp_path / "suite.yaml"), "--keep", keep, "-o", str(tmp_path / "out")]
+    assert command(["batch", *arguments], monkeypatch) == 2
+    assert f"'{keep}' does not keep those" in capsys.readouterr().err
+
+
 def test_sweeps_and_matrices_of_a_suite_are_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -227,8 +227,8 @@ class _Flight:
         telling.join(_HEARD)  # a worker that hears nothing is not waited for
 
 
-def _packed(case: Case, start: Path | None) -> tuple[Case, bytes | None]:
-    """Return a case that needs no file of ours, and the bytes of the result it starts from.
+def _packed(case: Case, start: Path | None) -> tuple[Case, tuple[str, bytes] | None]:
+    """Return a case that needs no file of ours, and name and bytes of the result it starts from.
 
     Raises:
         UsageError: a file that it needs cannot be read.
@@ -239,10 +239,10 @@ def _packed(case: Case, start: Path | None) -> tuple[Case, bytes | None]:
     options.pop("guess", None)
     text = case.text if case.text is not None else text_of(find(case.problem))
     try:
-        content = None if start is None else start.read_bytes()
+        guess = None if start is None else (start.name, start.read_bytes())
     except OSError as error:
         raise UsageError(f"{start} cannot be read: {error.strerror}") from None
-    return replace(case, options=options, text=text), content
+    return replace(case, options=options, text=text), guess
 
 
 def _unpacked(case: Case, delivery: remote.Delivery, folder: Path) -> Finished:

@@ -8,6 +8,7 @@ limits, does not take the Dask worker with it. A Worker is kept for the next cas
 
 from __future__ import annotations
 
+import os
 import tempfile
 import threading
 import time
@@ -15,8 +16,9 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from quito_cli import __version__
 from quito_cli.batch.case import Case, Ending, Finished
@@ -42,8 +44,8 @@ class Parcel:
     """Of the quito that sends it."""
     case: Case
     """With its text."""
-    guess: bytes | None
-    """Of the result file that it starts from."""
+    guess: tuple[str, bytes] | None
+    """Name and bytes of the result file that it starts from."""
     limits: Limits
     keep: Keep
     record: tuple[str, ...]
@@ -86,9 +88,9 @@ def solve(parcel: Parcel) -> Delivery:
         folder = Path(home)
         case = replace(parcel.case, follows=None)
         if parcel.guess is not None:
-            start = folder / "start"
-            start.write_bytes(parcel.guess)
-            case = replace(case, options={**case.options, "guess": start})
+            name, start = parcel.guess
+            (folder / name).write_bytes(start)
+            case = replace(case, options={**case.options, "guess": name})
         setting = Setting(
             jobs=1,
             folder=folder / "results",
@@ -96,7 +98,7 @@ def solve(parcel: Parcel) -> Delivery:
             limits={case.name: parcel.limits},
             record=parcel.record,
             stop=lambda: parcel.run in _stopped,
-            job=parcel.job,
+            job=partial(_within, home, parcel.job),
         )
         for finished in run([case], setting, workers=[worker]):
             path = finished.result
@@ -104,6 +106,15 @@ def solve(parcel: Parcel) -> Delivery:
             return Delivery(replace(finished, case=Case(case.name, ""), result=None), content)
     never = Finished(Case(case.name, ""), Ending.INTERRUPTED, "not begun", {}, (), 0.0, None)
     return Delivery(never, None)
+
+
+def _within(home: str, job: Callable[..., Finished], *arguments: Any) -> Finished:
+    """Do a job in a folder: what it records of files there are names that all machines have."""
+    os.chdir(home)
+    try:
+        return job(*arguments)
+    finally:
+        os.chdir(os.path.sep)  # the folder is about to go
 
 
 def stop(run: str) -> None:
