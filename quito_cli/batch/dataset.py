@@ -29,7 +29,7 @@ from quito_cli.batch.case import Finished
 from quito_cli.batch.sweep import ANSWERED, Swept
 from quito_cli.solution.solution import Quantity, Solution
 from quito_cli.solution.store import write_aside
-from quito_cli.solution.writing import _Group as Group
+from quito_cli.solution.writing import Group
 
 if TYPE_CHECKING:
     import h5py

@@ -16,6 +16,7 @@ from quito_cli.cli.meshes import (
     refinement_as_dictionary,
     rounds_table,
 )
+from quito_cli.cli.polishing import account, polish_rows, polishing_as_dictionary
 from quito_cli.cli.text import columns, labelled, plain
 from quito_cli.problem.options import COLLOCATION
 from quito_cli.solve import Options
@@ -70,6 +71,7 @@ def as_dictionary(solution: Solution, result: Path | None, plot: Path | None) ->
         "switching_times": list(solution.switching_times),
         "junctions": junctions_as_list(solution),
         "refinement": refinement_as_dictionary(solution.refinement),
+        "polish": polishing_as_dictionary(solution.polishing),
         "arcs": arcs_as_list(solution),
         "certificate": certificate_as_list(solution),
         "warnings": list(solution.warnings),
@@ -94,9 +96,13 @@ def finite(value: Any) -> Any:
 
 
 def print_solution(
-    solution: Solution, *, verbose: bool, files: tuple[Path | None, ...] = ()
+    solution: Solution,
+    *,
+    verbose: bool,
+    files: tuple[Path | None, ...] = (),
+    explain: bool = False,
 ) -> None:
-    """Print the summary with its evidence."""
+    """Print the summary with its evidence; with `explain` the account of its polish, too."""
     good = solution.success
     word = typer.style(
         "Solved." if good else "Not solved.", bold=True, fg="green" if good else "red"
@@ -107,6 +113,8 @@ def print_solution(
         + "".join(f"\n  {plain(sentence)}" for sentence in solution.evidence.diagnosis),
         labelled([*_figures(solution), *pontryagin_rows(solution, verbose=verbose)]),
     ]
+    if explain and solution.polishing is not None:
+        paragraphs.append(account(solution.polishing))
     if verbose:
         if solution.refinement is not None:
             paragraphs.append(rounds_table(solution.refinement))
@@ -130,7 +138,7 @@ def _figures(solution: Solution) -> list[tuple[str, str]]:
     rows = [
         ("cost", _cost(solution)),
         ("iterations", times),
-        ("method", _method(solution.options)),
+        ("method", _method(solution.options) + (", polished" if solution.polished else "")),
     ]
     if statistics.program == "QP" or statistics.solver != Options.solver:
         rows.append(("program", _program(statistics)))
@@ -164,7 +172,8 @@ def _figures(solution: Solution) -> list[tuple[str, str]]:
             continue
         pairs = zip(names, values, strict=True)
         rows.append((label, ", ".join(f"{name} {value:.3g}" for name, value in pairs)))
-    return [*rows, *junction_rows(solution), *arc_rows(solution), *mesh_rows(solution)]
+    rows += [*junction_rows(solution), *arc_rows(solution), *mesh_rows(solution)]
+    return [*rows, *polish_rows(solution)]
 
 
 def _cost(solution: Solution) -> str:

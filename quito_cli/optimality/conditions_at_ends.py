@@ -42,6 +42,8 @@ def transversal(look: Look) -> Iterator[Condition]:
         look.impulses.boundary,
     )
     of_x0, of_xf, of_t0, of_tf, of_p = (np.array(v).ravel() for v in found)
+    for share, step in _steps_of_h(look):
+        of_t0, of_tf = of_t0 + (1 - share) * step, of_tf + share * step
     size = np.maximum(np.abs(given.costates).max(axis=0), look.least_costates)
     size = np.where(size > 1e-6 * size.max(), size, size.max())
     names = labels(m.states)
@@ -62,6 +64,24 @@ def transversal(look: Look) -> Iterator[Condition]:
                         labels(m.parameters), look, 0)  # fmt: skip
 
 
+def _steps_of_h(look: Look) -> Iterator[tuple[float, float]]:
+    """Give where in the horizon each point constraint is, and H⁻ + ρᵀ c_t − H⁺ there.
+
+    Its time moves with those of the ends, so that M_t_f + H(t_f) + Σ share · step = 0 and
+    M_t₀ − H(t₀) + Σ (1 − share) · step = 0.
+    """
+    import casadi as ca
+
+    m, h, f = look.system.model, look.point.hamiltonian, look.flow
+    for (k, rho), point in zip(look.impulses.points, m.constraints.point, strict=True):
+        if 0 < k < len(h):
+            inputs = [m.x, m.u, m.p, m.t]
+            by_t = ca.Function("by_t", inputs, [ca.densify(ca.jacobian(point.value, m.t))])
+            at = (look.panels.states[k], f.u[k], look.solution.parameters, look.panels.times[k])
+            slope = float(np.array(by_t(*at)).ravel() @ rho)
+            yield point.at or 0.0, float(h[k - 1] - h[k]) + slope
+
+
 def _last_costate(look: Look) -> Array:
     """λ(t_f) after the impulses of path and point constraints there."""
     given, last = look.panels, look.panels.costates[-1].copy()
@@ -74,9 +94,8 @@ def _last_costate(look: Look) -> Array:
 
 
 def _parameter_sizes(look: Look) -> Array:
-    """∫ |H_p| dt, (n_p,)."""
-    rates = np.abs(look.point.parameters)
-    return np.asarray((rates * look.panels.lengths[:, None]).sum(axis=0))
+    """∫ of the sizes of the terms of H_p, (n_p,)."""
+    return np.asarray((look.sizes[3] * look.panels.lengths[:, None]).sum(axis=0))
 
 
 def _end(
@@ -137,14 +156,14 @@ def path_multipliers(look: Look) -> Iterator[Condition]:
             continue
         x, u = look.solution.state(times), look.solution.control(times)
         rows = look.carrier.rows_at(times, x, u, look.solution.parameters)[0][:, own]
-        wrong = _wrong(values, rows, constraint.bounds)
+        off = wrong(values, rows, constraint.bounds)
         density = np.abs(values).max(axis=0)
         density = np.where(look.seen.pressed[:, own].any(axis=0), density, np.inf)
-        yield judged(name, wrong, density, times, PLAIN, lambda: 0.0, "the multiplier")
+        yield judged(name, off, density, times, PLAIN, lambda: 0.0, "the multiplier")
     yield from _state_bounds(look)
 
 
-def _wrong(multipliers: Array, values: Array, bounds: Bounds, size: Array | None = None) -> Array:
+def wrong(multipliers: Array, values: Array, bounds: Bounds, size: Array | None = None) -> Array:
     """Return what of multipliers has the wrong sign, or is away from its bound by its size."""
     lower, upper = bounds
     if size is None:
@@ -168,11 +187,11 @@ def _state_bounds(look: Look) -> Iterator[Condition]:
         return
     x = look.panels.states[:-1]
     at_lower = x - lower <= upper - x
-    wrong = np.where(at_lower, np.maximum(found, 0.0), np.minimum(found, 0.0))
+    off = np.where(at_lower, np.maximum(found, 0.0), np.minimum(found, 0.0))
     size = np.maximum(np.abs(found).max(axis=0), 1e-3 * np.abs(look.panels.costates).max(axis=0))
     h = look.panels.lengths[:, None]
     yield judged(
-        name, wrong, size, look.panels.times[:-1], PLAIN,
+        name, off, size, look.panels.times[:-1], PLAIN,
         lambda: look.explained.local_errors[1] * h + _noise(look), "the multiplier",
     )  # fmt: skip
 
@@ -199,12 +218,12 @@ def _multiplier_of(
         return not_applicable(name, "an equality may have any")
     values = look.solution.multipliers[f"{kind} constraint {constraint.name}"].reshape(1, -1)
     # What is beyond a bound is a matter of feasibility.
-    wrong = _wrong(values, np.clip(value, lower, upper), constraint.bounds, size)
+    off = wrong(values, np.clip(value, lower, upper), constraint.bounds, size)
     largest = max(float(np.abs(values).max()), 1e-6)
     t = look.panels.times
     time = t[[-1]] if constraint.at is None else t[[0]] + constraint.at * (t[-1] - t[0])
     return judged(
-        name, wrong, largest, time, PLAIN, lambda: look.explained.drift * largest, "the multiplier"
+        name, off, largest, time, PLAIN, lambda: look.explained.drift * largest, "the multiplier"
     )
 
 
