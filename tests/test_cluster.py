@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from documents import run as command
 
 import quito_cli as quito
 from quito_cli.batch import cluster, remote
@@ -229,6 +230,28 @@ def test_stopping_ends_what_is_under_way(dask_cluster: Cluster, tmp_path: Path) 
     (one,) = run_on(dask_cluster.address, [more], Setting(1, tmp_path, "all", job=waits))
     assert one.ending is Ending.PASSED  # the workers are free again
     assert time.monotonic() - began < 20
+
+
+def test_sweeps_and_suites_go_there_by_the_command_line(
+    dask_cluster: Cluster,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (tmp_path / "lq.yaml").write_text(LQ)
+    (tmp_path / "suite.yaml").write_text("cases: [{problem: lq.yaml, expect: {cost: <= 0.1}}]")
+    monkeypatch.chdir(tmp_path)
+    there = ["--cluster", dask_cluster.address, "--json"]
+    assert command(["sweep", "lq.yaml", "--over", "a=1,2", "--no-plot", *there], monkeypatch) == 0
+    said = json.loads(capsys.readouterr().out)
+    costs = [case["figures"]["cost"] for case in said["cases"]]
+    assert costs == pytest.approx([TANH / 2, 2 * TANH], rel=1e-6)
+    assert Path(said["hdf5"]).is_file()
+    assert command(["batch", "suite.yaml", *there], monkeypatch) == 3
+    (case,) = json.loads(capsys.readouterr().out)["cases"]
+    assert case["ending"] == "outside"
+    assert command(["batch", "suite.yaml", *there, "-j", "2"], monkeypatch) == 2
+    assert "a cluster has its own" in capsys.readouterr().err
 
 
 # What is refused

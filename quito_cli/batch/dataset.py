@@ -27,9 +27,9 @@ from numpy.typing import NDArray
 from quito_cli.batch.axes import Axis
 from quito_cli.batch.case import Finished
 from quito_cli.batch.sweep import ANSWERED, Swept
+from quito_cli.solution.groups import Group
 from quito_cli.solution.solution import Quantity, Solution
 from quito_cli.solution.store import write_aside
-from quito_cli.solution.writing import Group
 
 if TYPE_CHECKING:
     import h5py
@@ -68,6 +68,13 @@ class Sample:
     """(points, n_u)."""
     parameters: Array
     """(n_p,)."""
+
+
+class _Root(Group):
+    """A file itself, to be written as its groups are."""
+
+    def __init__(self, file: h5py.File) -> None:
+        self.group = file
 
 
 def grid() -> Array:
@@ -116,9 +123,7 @@ def _write(file: h5py.File, swept: Swept) -> None:
     file.attrs["quito_version"] = quito_cli.__version__
     file.attrs["name"], file.attrs["title"] = sweep.name, sweep.title
     file.attrs["continuation"] = sweep.warm
-    root = Group.__new__(Group)
-    root.group = file
-    _write_figures(root, swept)
+    _write_figures(_Root(file), swept)
     _write_trajectories(Group(file, "trajectory"), swept)
     problem = Group(file, "problem")
     problem.dataset("yaml", sweep.text)
