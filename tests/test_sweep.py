@@ -373,6 +373,11 @@ def test_xarray_finds_trajectories_over_normalised_time(saved: Path) -> None:
             assert u.values == pytest.approx(-a * np.sinh(T - t) / math.cosh(T), abs=0.02)
 
 
+def test_a_sweep_is_no_result_and_says_where_these_are(saved: Path) -> None:
+    with pytest.raises(quito.ResultFileError, match="is a sweep: the result of each of its cases"):
+        quito.Solution.load(saved)
+
+
 def test_every_dimension_has_a_scale(saved: Path) -> None:
     with h5py.File(saved) as file:
         for group in (file, file["trajectory"]):

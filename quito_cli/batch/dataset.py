@@ -29,14 +29,13 @@ from quito_cli.batch.case import Finished
 from quito_cli.batch.sweep import ANSWERED, Swept
 from quito_cli.solution.groups import Group
 from quito_cli.solution.solution import Quantity, Solution
-from quito_cli.solution.store import write_aside
+from quito_cli.solution.store import SWEEP, write_aside
 
 if TYPE_CHECKING:
     import h5py
 
 Array = NDArray[np.float64]
 
-FORMAT: Final = "quito sweep"
 FORMAT_VERSION: Final = 1
 POINTS: Final = 201
 """Of the grid of normalised time."""
@@ -119,7 +118,7 @@ def _write(file: h5py.File, swept: Swept) -> None:
     import quito_cli
 
     sweep = swept.sweep
-    file.attrs["format"], file.attrs["format_version"] = FORMAT, FORMAT_VERSION
+    file.attrs["format"], file.attrs["format_version"] = SWEEP, FORMAT_VERSION
     file.attrs["quito_version"] = quito_cli.__version__
     file.attrs["name"], file.attrs["title"] = sweep.name, sweep.title
     file.attrs["continuation"] = sweep.warm
