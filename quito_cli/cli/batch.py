@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from quito_cli.cli.options import (
+    Cluster,
     GeneratingFunction,
     MaxIterations,
     Settings,
@@ -16,7 +17,7 @@ from quito_cli.cli.options import (
     Substeps,
     Tolerance,
 )
-from quito_cli.cli.output import check_folder
+from quito_cli.cli.output import check_folder, check_jobs
 from quito_cli.cli.reports import (
     BaselineFile,
     Html,
@@ -52,6 +53,7 @@ def batch(
         int | None,
         typer.Option("-j", "--jobs", help="Cases at once. [default: as many as processors]"),
     ] = None,
+    cluster: Cluster = None,
     output: Annotated[
         Path, typer.Option("-o", "--output", help="Folder for results and the journal.")
     ] = Path("results"),
@@ -80,6 +82,12 @@ def batch(
     ] = None,
     fail_fast: Annotated[
         bool, typer.Option("--fail-fast", help="Stop at the first case that does not pass.")
+    ] = False,
+    sweeps: Annotated[
+        bool,
+        typer.Option(
+            "--sweeps", help="Write an HDF5 and pictures of each sweep and matrix of the suite."
+        ),
     ] = False,
     listed: Annotated[bool, typer.Option("--list", help="Show the cases, and solve none.")] = False,
     steps: Steps = None,
@@ -148,7 +156,8 @@ def batch(
     given = {name: value for name, value in options.items() if value is not None}
     wanted = Wanted(baseline, update_baseline, junit, markdown, html, plots)
     check_folder(output)
-    _check(jobs, keep)
+    _check(keep)
+    check_jobs(jobs, cluster)
     wanted.check(keep)
     suite = gather(targets, given, parse_settings(settings or [], "--set"))
     suite = limited(selected(suite, only or []), time_limit, memory_limit)
@@ -163,22 +172,25 @@ def batch(
     holding = wanted.prepare(min(workers, len(suite.cases)))
     record = holding.baseline.costly if holding else ()
     live = Live(len(suite.cases), silent=as_json, quiet=quiet, verbose=verbose)
-    setting = Setting(workers, output, keep, suite.limits, record)  # type: ignore[arg-type]
+    setting = Setting(
+        *(workers, output, keep, suite.limits, record),  # type: ignore[arg-type]
+        cluster=cluster,
+    )
     began = time.perf_counter()
     finished, interrupted = _run(suite, setting, live, resume=resume, fail_fast=fail_fast)
     seconds = time.perf_counter() - began
     report = report_of(suite, finished, seconds, holding, whole=not only)
     files = wanted.write(report)
     _report(report, output, files, as_json=as_json, quiet=quiet, verbose=verbose)
+    if sweeps:
+        _write_sweeps(suite, finished, output, quiet=quiet or as_json)
     if update_baseline and not report.recorded:
         typer.echo(f"{baseline} is as it was: the run stopped before its end.", err=True)
     _leave(report, interrupted)
 
 
-def _check(jobs: int | None, keep: str) -> None:
+def _check(keep: str) -> None:
     """Refuse what means nothing."""
-    if jobs is not None and jobs < 1:
-        raise UsageError(f"jobs: a number from 1 on is expected, got {jobs}")
     if keep not in _KEEPS:
         raise UsageError(f"keep: expected {', '.join(_KEEPS[:-1])} or {_KEEPS[-1]}, got {keep!r}")
 
@@ -228,6 +240,24 @@ def _report(
         print_summary(report, folder, verbose=verbose)
     if not quiet and files:
         typer.echo(f"Saved {', '.join(map(str, files))}")
+
+
+def _write_sweeps(
+    suite: Suite, finished: tuple[Finished, ...], folder: Path, *, quiet: bool
+) -> None:
+    """Write and draw the grids of a suite."""
+    from quito_cli.batch.dataset import save
+    from quito_cli.batch.sweep import collected
+    from quito_cli.batch.sweeping import SHOWN, SUFFIX, grids
+    from quito_cli.plots.sweep import draw_all
+
+    for grid in grids(suite):
+        swept = collected(grid, finished)
+        path = folder / f"{grid.name}{SUFFIX}.h5"
+        save(swept, path)
+        drawn = draw_all(swept, SHOWN, folder, "png")
+        if not quiet:
+            typer.echo(f"Saved {', '.join(map(str, (path, *drawn)))}")
 
 
 def _leave(report: Report, interrupted: bool) -> None:
