@@ -7,7 +7,7 @@ from dataclasses import asdict
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from quito_cli.cli.text import columns, instant
+from quito_cli.summary.times import instant
 
 if TYPE_CHECKING:
     from quito_cli.solution.junctions import Junction
@@ -108,10 +108,9 @@ def _error(solution: Solution, account: Account | None) -> list[tuple[str, str]]
     return _under(label, lines)
 
 
-def rounds_table(how: Refinement) -> str:
-    """Return a line for each mesh."""
-    rows = [_round(i, one, i == how.kept) for i, one in enumerate(how.rounds)]
-    return columns([_HEADS, *rows], header=True)
+def round_rows(how: Refinement) -> list[tuple[str, ...]]:
+    """Return a head, and a row for each mesh."""
+    return [_HEADS, *(_round(i, one, i == how.kept) for i, one in enumerate(how.rounds))]
 
 
 def _round(i: int, one: Round, kept: bool) -> tuple[str, ...]:
