@@ -31,7 +31,7 @@ _WIDTH = 90
 def junction_rows(solution: Solution, most: int = _MOST_JUNCTIONS) -> list[tuple[str, str]]:
     """Return a line for each jump and kink."""
     found = solution.junctions
-    shown = [_junction(solution, junction) for junction in found[:most]]
+    shown = [said_of(solution, junction) for junction in found[:most]]
     if len(found) > most:
         shown.append(f"and {len(found) - most} more")
     return _under("switching times", shown)
@@ -41,7 +41,8 @@ def _under(label: str, lines: list[str]) -> list[tuple[str, str]]:
     return [(label if i == 0 else "", line) for i, line in enumerate(lines)]
 
 
-def _junction(solution: Solution, junction: Junction) -> str:
+def said_of(solution: Solution, junction: Junction) -> str:
+    """Return when a jump or kink is, and of what from where to where."""
     name = solution.origin.controls[junction.control].name
     size = max(abs(junction.before), abs(junction.after))
     before, after = _rounded(junction.before, size), _rounded(junction.after, size)
