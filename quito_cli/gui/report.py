@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Final
 
 from quito_cli.errors import QuitoError, UsageError
-from quito_cli.gui.settings import command, given, known
+from quito_cli.gui.settings import command
 from quito_cli.problem.load import load_text
 from quito_cli.problem.mathematics import render
 from quito_cli.summary.rows import option_rows
@@ -48,7 +48,7 @@ def report(answer: Answer, solution: Solution) -> str:
         _section("The answer", _pictures(solution)),
         _section("Pontryagin's conditions", _certificate(answer)),
         _section("Comparison", _comparison(answer)),
-        _section("Options", _command(solution) + _rows(option_rows(solution))),
+        _section("Options", _command(answer) + _rows(option_rows(solution))),
         _section("The file", f"<pre>{escape(solution.origin.text)}</pre>"),
     ]
     head = (
@@ -148,11 +148,8 @@ def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return f"<table><tr>{first}</tr>{others}</table>"
 
 
-def _command(solution: Solution) -> str:
-    """Return the command line that does the same; nothing where there is none."""
-    try:
-        file = load_text(solution.origin.text, solution.origin.name).options
-        asked = given(known(solution.options), file.model_dump(exclude_none=True))
-    except QuitoError:
+def _command(answer: Answer) -> str:
+    """Return the command line that does the same; nothing of a comparison, which has its own."""
+    if answer.kind != "solve":
         return ""
-    return f"<pre>{escape(command(f'{solution.origin.name}.yaml', asked))}</pre>"
+    return f"<pre>{escape(command(f'{answer.name}.yaml', answer.given))}</pre>"

@@ -204,12 +204,6 @@ def given(chosen: Mapping[str, Any], file_options: Mapping[str, Any]) -> dict[st
     return asked
 
 
-def known(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return those of resolved options that the form has, and that are not found by themselves."""
-    names = [name for name in RequestedOptions.model_fields if name not in _NOT_HERE]
-    return {name: options[name] for name in names if options.get(name) is not None}
-
-
 def refuse_out_of_range(chosen: Mapping[str, Any]) -> None:
     """Refuse what a page may not ask for: as much as a file may, and no names but those known.
 
