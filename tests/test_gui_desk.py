@@ -287,7 +287,7 @@ def test_what_hangs_is_ended_within_a_second_of_cancel(monkeypatch: pytest.Monke
         began = time.monotonic()
         desk.cancel(job)
         state = ended(desk, job)
-        assert time.monotonic() - began < 1.2
+        assert time.monotonic() - began < 1.5
         assert isinstance(state, Failed)
         assert state.reason == "cancelled"
         monkeypatch.undo()  # and its place is taken by another process

@@ -110,6 +110,10 @@ class Shelf:
         content = self._bytes(name, self._most + 1)
         return decoded(content, name, self._most)
 
+    def template(self) -> str:
+        """Return what `quito new` writes: a commented problem that solves as it stands."""
+        return _standing_alone(TEMPLATE.read_text("utf-8"))
+
     def save(self, name: str, text: str, *, replace: bool) -> str:
         """Write a problem file into the folder, beside the old one and renamed.
 
@@ -163,13 +167,15 @@ class Shelf:
             handle = os.open(name, flags, dir_fd=self._handle)
         except (OSError, ValueError):
             raise missing from None
-        with open(handle, "rb") as file:
+        try:
             if not stat.S_ISREG(os.fstat(handle).st_mode):
                 raise missing
-            try:
+            with open(handle, "rb", closefd=False) as file:
                 return file.read(most)
-            except OSError as error:
-                raise UsageError(f"{name} cannot be read: {error.strerror}") from None
+        except OSError as error:
+            raise UsageError(f"{name} cannot be read: {error.strerror}") from None
+        finally:
+            os.close(handle)
 
     def _write(self, name: str, content: bytes) -> None:
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW
@@ -183,11 +189,6 @@ class Shelf:
         with suppress(FileNotFoundError):
             if stat.S_ISDIR(os.stat(name, dir_fd=self._handle, follow_symlinks=False).st_mode):
                 raise UsageError(f"{name} is a folder: choose another name")
-
-
-def template() -> str:
-    """Return what `quito new` writes: a commented problem that solves as it stands."""
-    return _standing_alone(TEMPLATE.read_text("utf-8"))
 
 
 def _standing_alone(text: str) -> str:
