@@ -147,6 +147,7 @@ OPTIONS: list[tuple[tuple[str, ...], str, Any]] = [
     (("--mesh", "adaptive", "--mesh-iterations", "2"), "mesh_iterations", 2),
     (("--mesh", "adaptive", "--mesh-limit", "9"), "mesh_limit", 9),
     (("--mesh", "adaptive", "--mesh-steps", "5"), "mesh_steps", 5),
+    (("--no-polish",), "polish", False),
     (("--tolerance", "1e-6"), "tolerance", 1e-6),
     (("--max-iterations", "77"), "max_iterations", 77),
     (("--objective-scale", "3"), "objective_scale", 3.0),
@@ -384,7 +385,7 @@ def test_the_command_line_wins_over_the_file_and_the_file_over_defaults(
     }
     unasked = {"path_points": None, "guess": None, "objective_scale": None}
     usual = {"normalised": True, "control": "quasi-interpolant"}
-    usual |= {"solver": "ipopt", "warm_start": False, "mesh": "uniform"}
+    usual |= {"solver": "ipopt", "warm_start": False, "mesh": "uniform", "polish": False}
     assert ran.json["options"] == unasked | asked | usual
     given = ("-N", "6", "--discretization", "rk4", "--solver-option", "mu_init=0.5")
     ran = quito_("solve", file, *given, "--json", "--no-plot")
@@ -625,6 +626,7 @@ def test_help_names_every_option_with_its_default(quito_: Quito) -> None:
             "--output",
         ),
         *("--mesh", "--mesh-steps", "--mesh-tolerance", "--mesh-iterations", "--mesh-limit"),
+        *("--polish", "--no-polish", "--explain"),
         *("--format", "--no-plot", "--json", "--quiet", "--verbose"),
     ):
         assert option in text

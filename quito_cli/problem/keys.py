@@ -130,6 +130,7 @@ ALIASES: Final[Mapping[Place, Mapping[str, Alias]]] = {
         **_words("grid refinement adaptive", "mesh"),
         **_words("mesh_tol refinement_tolerance", "mesh_tolerance"),
         **_words("mesh_iter max_mesh_iterations refinements", "mesh_iterations"),
+        **_words("polished exact indirect", "polish"),
         **_words("order polynomial_degree collocation_points", "degree"),
         **_words("tol", "tolerance"),
         **_words("max_iter maxiter iterations", "max_iterations"),
