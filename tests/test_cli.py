@@ -30,12 +30,13 @@ import quito_cli as quito
 from quito_cli.cli.app import main
 from quito_cli.errors import QuitoError
 from quito_cli.problem.build import build
+from quito_cli.problem.library import bundled
 from quito_cli.problem.load import load_text
 from quito_cli.solvers.outcome import Status
 
 ROOT = Path(__file__).parent.parent
 ACCEPTED = ROOT / "tests" / "problems" / "accepted"
-BUNDLED = sorted(path.stem for path in (ROOT / "problems").glob("*.yaml"))
+BUNDLED = sorted(bundled())
 MAGIC = {"png": b"\x89PNG\r\n\x1a\n", "pdf": b"%PDF-", "svg": b"<?xml"}
 HEAVY = ("casadi", "h5py", "matplotlib", "numpy", "pydantic", "yaml")
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
@@ -1141,8 +1142,7 @@ options: {steps: 10, variance: 2, path_points: substeps, tolerance: 1e-8}
 TEXTS = [
     *(
         path.read_text(encoding="utf-8")
-        for folder in (ROOT / "problems", ACCEPTED)
-        for path in sorted(folder.glob("*.yaml"))
+        for path in [*bundled().values(), *sorted(ACCEPTED.glob("*.yaml"))]
     ),
     *[EVERY_KEY] * 12,
 ]
