@@ -345,7 +345,7 @@ def test_a_report_says_everything_and_runs_nothing(
         EVIL,
         "Solved.",
         "12, reference 12",
-        "ẋ = v",
+        "x\u0307 = v",
         CAVEAT,
         "quito solve rest.yaml -N 40",
     ):
