@@ -94,6 +94,8 @@ def test_solvers_that_are_not_here_say_where_they_are_from() -> None:
         ({"mesh": "adaptive"}, {*COLLOCATION_ONLY}),
         ({"mesh": "adaptive", "steps": 50}, {"mesh_steps", *COLLOCATION_ONLY}),
         ({"mesh": "adaptive", "mesh_steps": 50}, {"steps", *COLLOCATION_ONLY}),
+        ({"polish": True}, {*COLLOCATION_ONLY}),
+        ({"polish": True, "mesh": "uniform"}, {*ADAPTIVE, *COLLOCATION_ONLY}),
         ({"discretization": "lgr"}, {*ADAPTIVE, *SHOOTING_ONLY}),
         (
             {"control": "piecewise-constant"},
