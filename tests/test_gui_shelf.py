@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from quito_cli.errors import UsageError
-from quito_cli.gui.shelf import PlaceName, Shelf, ThereAlreadyError, objection, uploaded
+from quito_cli.gui.shelf import PlaceName, Shelf, ThereAlreadyError, objection, template, uploaded
 from quito_cli.problem.library import bundled
 from quito_cli.problem.load import load_text
 
@@ -101,7 +101,7 @@ def test_a_problem_is_read_by_name(shelf: Shelf) -> None:
     text = shelf.read("library", "van_der_pol")
     assert text.startswith("title: Van der Pol")
     assert "yaml-language-server" not in text
-    assert load_text(shelf.template(), "new.yaml").title == "A cart with a weak motor"
+    assert load_text(template(), "new.yaml").title == "A cart with a weak motor"
 
 
 @pytest.mark.parametrize("name", OUTSIDE)

@@ -110,10 +110,6 @@ class Shelf:
         content = self._bytes(name, self._most + 1)
         return decoded(content, name, self._most)
 
-    def template(self) -> str:
-        """Return what `quito new` writes: a commented problem that solves as it stands."""
-        return _standing_alone(TEMPLATE.read_text("utf-8"))
-
     def save(self, name: str, text: str, *, replace: bool) -> str:
         """Write a problem file into the folder, beside the old one and renamed.
 
@@ -189,6 +185,11 @@ class Shelf:
         with suppress(FileNotFoundError):
             if stat.S_ISDIR(os.stat(name, dir_fd=self._handle, follow_symlinks=False).st_mode):
                 raise UsageError(f"{name} is a folder: choose another name")
+
+
+def template() -> str:
+    """Return what `quito new` writes: a commented problem that solves as it stands."""
+    return _standing_alone(TEMPLATE.read_text("utf-8"))
 
 
 def _standing_alone(text: str) -> str:
