@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Final
 import typer
 
 from quito_cli.batch.axes import shadowed
-from quito_cli.cli.report import finite
 from quito_cli.cli.text import columns, plain
+from quito_cli.summary.dictionary import finite
 
 if TYPE_CHECKING:
     from quito_cli.batch.case import Figure, Finished
