@@ -169,7 +169,7 @@ def batch(
     from quito_cli.cli.live import Live
 
     workers = jobs or available()
-    holding = wanted.prepare(min(workers, len(suite.cases)))
+    holding = wanted.prepare(min(workers, len(suite.cases)) if cluster is None else None)
     record = holding.baseline.costly if holding else ()
     live = Live(len(suite.cases), silent=as_json, quiet=quiet, verbose=verbose)
     setting = Setting(
