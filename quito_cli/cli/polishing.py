@@ -40,12 +40,12 @@ _MEANING: Final[dict[Action, str]] = {
     "assume": "the structure that the direct answer shows, or what it has become",
     "solve": "Newton's method on states, costates, junction times and multipliers together; "
     "the residual is that of all equations, scaled, and falls quadratically at the end",
-    "drop": "an arc that shrank to nothing is left out",
+    "drop": "an arc that shrank to nothing, or that the equations know nothing of, is left out",
     "insert": "a sign that does not hold asks for an arc that was missing",
     "release": "a bound or constraint that pushes the wrong way is let go",
     "refine": "segments are halved where their polynomials do not carry, and all is solved again",
     "check": "signs, bounds and constraints of what was solved, between the points too",
-    "refuse": "a condition that this structure cannot be made to meet",
+    "refuse": "what was assumed cannot be made to meet a condition",
 }
 """What the less plain of them mean."""
 
@@ -56,11 +56,12 @@ def polish_rows(solution: Solution) -> list[tuple[str, str]]:
     if how is None:
         return []
     label = "polished" if how.polished else "not polished"
-    lines = wrap(_success(solution, how) if how.polished else _failure(how), _WIDTH)
+    said = _success(solution, how) if how.polished else (_failure(how),)
+    lines = [line for sentence in said for line in wrap(sentence, _WIDTH)]
     return [(label if i == 0 else "", line) for i, line in enumerate(lines)]
 
 
-def _success(solution: Solution, how: Polishing) -> str:
+def _success(solution: Solution, how: Polishing) -> tuple[str, str]:
     count = len(solution.switching_times)
     figures = (
         _counted(count, "junction"),
@@ -69,7 +70,8 @@ def _success(solution: Solution, how: Polishing) -> str:
         f"{how.seconds:.2g} s",
     )
     moved = f"{solution.cost - how.cost_before:+.1e}"
-    return f"Pontryagin's system solved: {', '.join(figures)}; cost moved by {moved}"
+    solved = f"Pontryagin's system solved: {', '.join(figures)}"
+    return solved, f"cost moved by {moved} from the direct answer's"
 
 
 def _failure(how: Polishing) -> str:

@@ -162,7 +162,8 @@ def _attempted(going: _Search, structure: Structure, last: Attempt | None) -> At
     near: Near = direct if last is None else Again(direct, last.dense)
     unknowns, scales = started(near, system), direct.scales(system.layout)
     solved = iterate(system, unknowns, scales)
-    said = f"{len(structure.phases)} phases, {unknowns.segments} segments"
+    phases = "1 phase" if len(structure.phases) == 1 else f"{len(structure.phases)} phases"
+    said = f"{phases}, {unknowns.segments} segments"
     log.tell("solve", said, solved.residuals)
     for _ in range(HALVINGS):
         finer = refined(Dense(system, solved.unknowns), scales) if solved.converged else None

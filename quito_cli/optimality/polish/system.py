@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from quito_cli.optimality.polish.ends import Ends
 from quito_cli.optimality.polish.gauss import Gauss
 from quito_cli.optimality.polish.junctions import conditions
@@ -20,6 +23,8 @@ from quito_cli.optimality.polish.unknowns import Layout
 
 if TYPE_CHECKING:
     import casadi as ca
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,3 +81,12 @@ class System:
             sum(leap.count for leap in self.leaps if leap),
             1 + 2 * len(self.structure.points),
         )
+
+    def as_given(self, shared: Array) -> Array:
+        """Return g with times that the problem fixes at their values to the last digit."""
+        found, times = shared.copy(), self.layout.place("times")
+        fixed = (self.ends.initial_time, self.ends.final_time)
+        for place, value in zip((times.start, times.stop - 1), fixed, strict=True):
+            if np.isfinite(value):
+                found[place] = value
+        return found

@@ -25,5 +25,6 @@ def _control(setting: Setting, structure: Structure, i: int) -> str:
     said = []
     for k, kind in enumerate(kinds, start=1):
         if k == len(kinds) or kinds[k] != kind:
-            said.append(f"{kind} to {structure.times[k]:.6g}")
+            name = "interior" if kind == "free" else kind
+            said.append(f"{name} to {structure.times[k]:.6g}")
     return f"{setting.name(i)}: " + ", ".join(said)
