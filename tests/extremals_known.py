@@ -239,6 +239,17 @@ def point() -> Extremal:
     return replace(found, points=((-4.0,),))
 
 
+def point_at_an_end(at: int) -> Extremal:
+    """At least 1 away from where the other end is held: |u| = 1, λ = −u, and ρ makes up for it."""
+    problem = scalar(
+        ends="final: 0" if at == 0 else "initial: 0",
+        constraint=f'point: {{there: {{at: {at}, holds: "x >= 1"}}}}',
+    )
+    u = 2 * at - 1.0
+    found = made(problem, (Phase(1.0, constant(u)),), {"u": "interior"}, [1 - at], [-u], 0.5)
+    return replace(found, points=((-1.0,),))
+
+
 def boundary() -> Extremal:
     """x(1) − x(0) = 1 with a price on x(0): u = 1, λ = ω = −1, x(0) = 0."""
     problem = scalar(
@@ -338,6 +349,8 @@ KNOWN: dict[str, Callable[[], Extremal]] = {
     "free horizon": minimum_time,
     "integral constraint": integral,
     "point constraint": point,
+    "point constraint at the start": lambda: point_at_an_end(0),
+    "point constraint at the end": lambda: point_at_an_end(1),
     "boundary constraint": boundary,
     "parameter": parameter,
     "constraint that moves": moving_ceiling,

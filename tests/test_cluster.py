@@ -210,6 +210,12 @@ def test_what_is_refused_crashes_or_hangs_takes_only_its_case(
     assert "limit of 1 s" in ended["h0"].message
 
 
+def test_what_others_start_from_is_kept(dask_cluster: Cluster, tmp_path: Path) -> None:
+    cases = cases_over("a=1,2", warm=True)
+    found = list(run_on(dask_cluster.address, cases, Setting(1, tmp_path, "none")))
+    assert [one.result is not None for one in found] == [True, False]
+
+
 def test_what_is_done_is_not_done_again(dask_cluster: Cluster, tmp_path: Path) -> None:
     cases = cases_over("a=1,2,3", warm=True)
     setting = Setting(1, tmp_path, "all")

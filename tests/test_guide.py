@@ -25,7 +25,9 @@ from quito_cli.solve import Options
 ROOT = Path(__file__).parent.parent
 FOLDER = ROOT / "problems"
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in sorted(FOLDER.glob("*.md"))}
-NO_FAMILY = {"README.md", "options.md", "adaptive-mesh.md", "polish.md", "sweeps.md"}
+NO_FAMILY = {
+    *("README.md", "options.md", "adaptive-mesh.md", "polish.md", "batch.md", "sweeps.md"),
+}
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
@@ -187,9 +189,10 @@ def test_what_a_page_shows_is_what_happens(
             if kind == "file":
                 (tmp_path / file).write_text(step.text, encoding="utf-8")
                 assert quito.load(tmp_path / file).title
-            else:
-                assert kind == "from", f"a block of {name} is of no file"
+            elif kind == "from":
                 assert_part_of(step.text, FOLDER / file)
+            else:
+                assert kind == "baseline", f"a block of {name} is of no file"  # see test_baseline
 
 
 def assert_part_of(text: str, file: Path) -> None:
@@ -215,7 +218,12 @@ def test_links_lead_somewhere(name: str) -> None:
     targets = re.findall(r"\]\(([^)]+)\)", prose(PAGES[name]))
     assert targets
     for target in targets:
-        assert (FOLDER / target).is_file(), target
+        file, _, section = target.partition("#")
+        assert (FOLDER / file).is_file(), target
+        if section:
+            text = (FOLDER / file).read_text(encoding="utf-8")
+            headings = re.findall(r"^#+ (.+)$", text, re.M)
+            assert section in [heading.lower().replace(" ", "-") for heading in headings], target
 
 
 def test_the_readme_leads_to_the_guide() -> None:
@@ -259,10 +267,10 @@ def test_every_option_that_is_named_is_one(
         assert run([command, "--help"], monkeypatch) == 0
         helps[command] = capsys.readouterr().out
     for name, page in PAGES.items():
+        usual = {"batch.md": "batch", "sweeps.md": "sweep"}.get(name, "solve")
         for span in code_spans(page):
             program, *words = span.split()
-            of_page = "sweep" if name == "sweeps.md" else "solve"
-            command = words[0] if program == "quito" else of_page
+            command = words[0] if program == "quito" else usual
             assert command in helps, span
             home = helps["new" if program == "--from" else command]
             for word in span.split() if span.startswith(("-", "quito ")) else ():

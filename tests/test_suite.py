@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from pathlib import Path
 from typing import Any
 
@@ -328,6 +329,19 @@ def test_suites_that_include_one_another_come_to_an_end(folder: Path) -> None:
     assert said.endswith("that is too deep")
 
 
+def test_includes_may_not_explode(folder: Path) -> None:
+    """Each file is read once, however often it is included: here 20^6 times."""
+    for i in range(6):
+        again = f"{{include: s{i + 1}.yaml}}"
+        text = f"cases: [cart.yaml, {', '.join([again] * 20)}]"
+        (folder / f"s{i}.yaml").write_text(text, encoding="utf-8")
+    (folder / "s6.yaml").write_text("cases: [cart.yaml]", encoding="utf-8")
+    began = time.perf_counter()
+    said = complaints(folder, "cases: [{include: s0.yaml}]")
+    assert time.perf_counter() - began < 2
+    assert said[0].endswith("another case is called s6/cart: give this one a `name`")
+
+
 def test_a_matrix_may_not_explode(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     many = f"[{', '.join(map(str, range(1, 300)))}]"
     text = f"cases: [{{problem: cart.yaml, matrix: {{steps: {many}, k: {many}}}}}]"
@@ -353,6 +367,7 @@ def test_a_matrix_may_not_explode(folder: Path, monkeypatch: pytest.MonkeyPatch)
         "cases: [{problem: cart.yaml, set: {options.steps: 10000000}}]",
         "cases: [{problem: cart.yaml, name: ../../x}]",
         "cases: [{problem: cart.yaml, matrix: {guess: [x.h5]}}]",
+        f"cases: [{{problem: cart.yaml, matrix: {{k: [{'1+' * 200}1]}}}}]",
         "cases: []",
         "cases: {}",
         "cases:",
@@ -398,6 +413,13 @@ def test_problems_and_suites_of_a_command_line(folder: Path) -> None:
     assert made.name == "batch"
     assert gather(["cart.yaml"], {}, {}).name == "cart"
     assert gather(["nightly.yaml"], {}, {}) == load_suite("nightly.yaml")
+    (folder / "more").mkdir()
+    (folder / "more" / "cart.yaml").write_text(CART, encoding="utf-8")
+    assert names(gather(["cart.yaml", "more/cart.yaml", "bang_bang"], {}, {})) == [
+        f"{folder.name}/cart",
+        "more/cart",
+        "bang_bang",
+    ]
     mixed = gather(["nightly.yaml", "bang_bang"], {}, {})
     assert names(mixed) == ["nightly/cart", "bang_bang"]
     assert set(mixed.limits) == {"nightly/cart"}

@@ -30,6 +30,7 @@ from quito_cli.batch.axes import MOST_CASES, Axis, axis, known, parse, shadowed,
 from quito_cli.batch.case import Case, Ending, Finished
 from quito_cli.batch.figures import TIMES
 from quito_cli.batch.run import Setting, run
+from quito_cli.batch.solving import Keep
 from quito_cli.batch.suite import Suite, load_suite
 from quito_cli.batch.sweep import Sweep, Swept, collected, expand
 from quito_cli.batch.sweeping import grids
@@ -754,6 +755,7 @@ def test_from_python_it_is_the_same(tmp_path: Path) -> None:
 # In suites
 
 
+KEEPS: tuple[Keep, ...] = ("all", "none")
 SUITE = """\
 cases:
   - problem: reach.yaml
@@ -809,14 +811,13 @@ def test_what_is_wrong_with_a_sweep_of_a_suite_is_shown(
     assert words in str(caught.value)
 
 
-@pytest.mark.parametrize("keep", ["failed", "none"])
-def test_continuation_needs_what_it_starts_from(
-    keep: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    suite_at(tmp_path, SUITE)
-    arguments = [str(tmp_path / "suite.yaml"), "--keep", keep, "-o", str(tmp_path / "out")]
-    assert command(["batch", *arguments], monkeypatch) == 2
-    assert f"'{keep}' does not keep those" in capsys.readouterr().err
+def test_continuation_does_not_depend_on_what_is_kept(tmp_path: Path) -> None:
+    suite = suite_at(tmp_path, SUITE)
+    iterations = []
+    for keep in KEEPS:
+        found = run(suite.cases, Setting(1, tmp_path / keep, keep))
+        iterations.append({one.case.name: one.figures["iterations"] for one in found})
+    assert iterations[0] == iterations[1]
 
 
 def test_sweeps_and_matrices_of_a_suite_are_written(

@@ -21,7 +21,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Final
@@ -115,6 +115,11 @@ class _Flight:
     seen: float = field(default_factory=time.monotonic)
     """When the scheduler was there."""
 
+    @cached_property
+    def followed(self) -> frozenset[str | None]:
+        """Names of cases that others start from: their results are kept."""
+        return frozenset(case.follows for case in self.cases)
+
     def finish(self) -> Iterator[Finished]:
         """Send cases and yield what becomes of them, until there are none."""
         pending = {case.name: case for case in self.cases if case.name not in self.finished}
@@ -148,7 +153,7 @@ class _Flight:
                 __version__,
                 *contents,
                 self.setting.limits.get(case.name, NO_LIMITS),
-                self.setting.keep,
+                "all" if case.name in self.followed else self.setting.keep,
                 tuple(self.setting.record),
                 self.setting.job,
             )

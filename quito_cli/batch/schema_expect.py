@@ -168,6 +168,8 @@ class Expect(Strict):
     """Whether it is to converge; without it, an answer that did not fails its case."""
     certificate: Literal["passed"] | None = None
     """`passed`: conditions of Pontryagin's principle are judged, and none fails."""
+    polished: bool | None = None
+    """Whether the answer is a polished one, of which every condition holds."""
     iterations: CountExpected = None
     """Iterations of the solver."""
     cells: CountExpected = None
@@ -188,6 +190,9 @@ class Expect(Strict):
     """Time before the solver is called; of this machine."""
     solve_seconds: NumberExpected = None
     """Time in the solver; of this machine."""
+    processor_seconds: NumberExpected = None
+    """Time of a processor for the whole solve with its checks; of this machine, but not of what
+    else it does."""
 
     def expectations(self) -> Iterator[Expectation]:
         """Yield what is expected, in the order of the fields."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,12 +18,22 @@ from quito_cli.cli.options import (
     Tolerance,
 )
 from quito_cli.cli.output import check_folder, check_jobs
+from quito_cli.cli.reports import (
+    BaselineFile,
+    Html,
+    Junit,
+    Markdown,
+    Plots,
+    UpdateBaseline,
+    Wanted,
+)
 from quito_cli.cli.solve import INTERRUPTED
 from quito_cli.errors import UsageError
 from quito_cli.solve import Options
 
 if TYPE_CHECKING:
     from quito_cli.batch.case import Finished
+    from quito_cli.batch.report import Report
     from quito_cli.batch.run import Setting
     from quito_cli.batch.suite import Suite
     from quito_cli.cli.live import Live
@@ -55,7 +66,8 @@ def batch(
         typer.Option(metavar="SIZE", help="Of each case, such as 2GB; wins over the suite's."),
     ] = None,
     keep: Annotated[
-        str, typer.Option(help="Result files that stay: all, failed (those of other cases), none.")
+        str,
+        typer.Option(help="Result files that stay: all, failed (of cases that do not pass), none."),
     ] = "all",
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on where a run of these cases stopped.")
@@ -100,6 +112,12 @@ def batch(
         str | None, typer.Option(help=f"One of `quito solvers`. [default: {Options.solver}]")
     ] = None,
     settings: Settings = None,
+    baseline: BaselineFile = None,
+    update_baseline: UpdateBaseline = False,
+    junit: Junit = None,
+    markdown: Markdown = None,
+    html: Html = None,
+    plots: Plots = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object, and nothing else.")
     ] = False,
@@ -115,9 +133,10 @@ def batch(
 
     Options of the solves are for problem files: a suite says its own.
 
-    Exit codes: 0 all as expected, 3 something outside its tolerance, 1 something did not solve, 2 a
-    wrong suite or a case that was refused, 130 interrupted.
+    Exit codes: 0 all as expected, 3 something outside its tolerance or worse than the baseline, 1
+    something did not solve, 2 a wrong suite or a case that was refused, 130 interrupted.
     """
+    from quito_cli.batch.holding import report_of
     from quito_cli.batch.recorded import limited
     from quito_cli.batch.run import Setting, available
     from quito_cli.batch.suite import gather, selected
@@ -135,9 +154,11 @@ def batch(
         "solver": solver,
     }
     given = {name: value for name, value in options.items() if value is not None}
+    wanted = Wanted(baseline, update_baseline, junit, markdown, html, plots)
     check_folder(output)
     _check(keep)
     check_jobs(jobs, cluster)
+    wanted.check(keep)
     suite = gather(targets, given, parse_settings(settings or [], "--set"))
     suite = limited(selected(suite, only or []), time_limit, memory_limit)
     if listed:
@@ -147,16 +168,25 @@ def batch(
         return
     from quito_cli.cli.live import Live
 
+    workers = jobs or available()
+    holding = wanted.prepare(min(workers, len(suite.cases)))
+    record = holding.baseline.costly if holding else ()
     live = Live(len(suite.cases), silent=as_json, quiet=quiet, verbose=verbose)
     setting = Setting(
-        *(jobs or available(), output, keep, suite.limits),  # type: ignore[arg-type]
+        *(workers, output, keep, suite.limits, record),  # type: ignore[arg-type]
         cluster=cluster,
     )
+    began = time.perf_counter()
     finished, interrupted = _run(suite, setting, live, resume=resume, fail_fast=fail_fast)
-    _report(suite, finished, setting, as_json=as_json, quiet=quiet, verbose=verbose)
+    seconds = time.perf_counter() - began
+    report = report_of(suite, finished, seconds, holding, whole=not only)
+    files = wanted.write(report)
     if sweeps:
-        _write_sweeps(suite, finished, output, quiet=quiet or as_json)
-    _leave(suite, finished, interrupted)
+        files += _write_sweeps(suite, finished, output)
+    _report(report, output, files, as_json=as_json, quiet=quiet, verbose=verbose)
+    if update_baseline and not report.recorded:
+        typer.echo(f"{baseline} is as it was: the run stopped before its end.", err=True)
+    _leave(report, interrupted)
 
 
 def _check(keep: str) -> None:
@@ -191,49 +221,48 @@ def _run(
 
 
 def _report(
-    suite: Suite,
-    finished: tuple[Finished, ...],
-    setting: Setting,
+    report: Report,
+    folder: Path,
+    files: tuple[Path, ...],
     *,
     as_json: bool,
     quiet: bool,
     verbose: bool,
 ) -> None:
-    """Say what became of the cases, in every form that was asked for."""
-    from quito_cli.cli.cases import print_json, print_summary
+    """Say what became of the cases."""
+    from quito_cli.cli.cases import print_differences, print_json, print_summary
 
     if as_json:
-        print_json(suite, finished)
-    elif not quiet:
-        print_summary(suite, finished, setting.folder, verbose=verbose)
+        print_json(report)
+        return
+    print_differences(report, quiet=quiet)
+    if not quiet:
+        print_summary(report, folder, verbose=verbose)
+    if not quiet and files:
+        typer.echo(f"Saved {', '.join(map(str, files))}")
 
 
-def _write_sweeps(
-    suite: Suite, finished: tuple[Finished, ...], folder: Path, *, quiet: bool
-) -> None:
-    """Write and draw the grids of a suite."""
+def _write_sweeps(suite: Suite, finished: tuple[Finished, ...], folder: Path) -> tuple[Path, ...]:
+    """Write and draw the grids of a suite; return the paths."""
     from quito_cli.batch.dataset import save
     from quito_cli.batch.sweep import collected
     from quito_cli.batch.sweeping import SHOWN, SUFFIX, grids
     from quito_cli.plots.sweep import draw_all
 
+    written: list[Path] = []
     for grid in grids(suite):
         swept = collected(grid, finished)
         path = folder / f"{grid.name}{SUFFIX}.h5"
         save(swept, path)
-        drawn = draw_all(swept, SHOWN, folder, "png")
-        if not quiet:
-            typer.echo(f"Saved {', '.join(map(str, (path, *drawn)))}")
+        written += (path, *draw_all(swept, SHOWN, folder, "png"))
+    return tuple(written)
 
 
-def _leave(suite: Suite, finished: tuple[Finished, ...], interrupted: bool) -> None:
+def _leave(report: Report, interrupted: bool) -> None:
     """Exit with what the run came to."""
-    from quito_cli.batch.recorded import exit_code
-
     if interrupted:
-        begun = f"{len(finished)} of {len(suite.cases)} cases"
+        begun = f"{len(report.finished)} of {report.cases} cases"
         typer.echo(f"Interrupted; {begun} had begun: --resume goes on.", err=True)
         raise typer.Exit(INTERRUPTED)
-    code = exit_code(finished)
-    if code:
-        raise typer.Exit(code)
+    if report.exit_code:
+        raise typer.Exit(report.exit_code)

@@ -35,7 +35,7 @@ class Live:
 
     def __init__(self, cases: int, *, silent: bool, quiet: bool, verbose: bool) -> None:
         self._cases, self._silent, self._quiet, self._verbose = cases, silent, quiet, verbose
-        self.moving = sys.stderr.isatty() and not quiet and not silent
+        self.moving = sys.stderr.isatty() and sys.stdout.isatty() and not quiet and not silent
         """Whether somebody looks at the cases at work."""
         self._began = time.perf_counter()
         self._at_work: dict[str, tuple[float, Progress | None]] = {}
