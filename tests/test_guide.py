@@ -25,9 +25,7 @@ from quito_cli.solve import Options
 ROOT = Path(__file__).parent.parent
 FOLDER = ROOT / "problems"
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in sorted(FOLDER.glob("*.md"))}
-NO_FAMILY = {
-    *("README.md", "options.md", "adaptive-mesh.md", "polish.md", "batch.md", "sweeps.md"),
-}
+NO_FAMILY = {"README.md", "options.md", "adaptive-mesh.md", "polish.md", "batch.md", "sweeps.md"}
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
@@ -267,10 +265,10 @@ def test_every_option_that_is_named_is_one(
         assert run([command, "--help"], monkeypatch) == 0
         helps[command] = capsys.readouterr().out
     for name, page in PAGES.items():
-        usual = {"batch.md": "batch", "sweeps.md": "sweep"}.get(name, "solve")
         for span in code_spans(page):
             program, *words = span.split()
-            command = words[0] if program == "quito" else usual
+            of_page = {"sweeps.md": "sweep", "batch.md": "batch"}.get(name, "solve")
+            command = words[0] if program == "quito" else of_page
             assert command in helps, span
             home = helps["new" if program == "--from" else command]
             for word in span.split() if span.startswith(("-", "quito ")) else ():
