@@ -518,6 +518,7 @@ def test_names_stand_side_by_side(lq: Problem) -> None:
     swept = made_up(lq, ["solver=ipopt,uno,sleqp"], lambda c: 1.0)
     (plot,) = drawn(swept).axes
     assert [tick.get_text() for tick in plot.get_xticklabels()] == ["ipopt", "uno", "sleqp"]
+    assert plot.lines[0].get_linestyle() == "None"  # there is nothing between two names
 
 
 def test_two_fine_axes_make_a_map(lq: Problem) -> None:
@@ -666,6 +667,16 @@ def test_json_is_one_object_whatever_becomes_of_the_cases(
         "steps: a constant of the problem and an option of a solve; the constant was swept"
     ]
     assert (said["hdf5"], said["plots"]) == (str(tmp_path / "reach-sweep.h5"), [])
+
+
+def test_a_figure_that_was_not_asked_for_at_first_is_told_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["bang_bang", "--over", "steps=10,20", "--no-plot", "-j", "1", "--json"]
+    for more, notes in (([], 0), (["--resume", "--figures", "error_l2"], 1)):
+        ran = quito_sweep([*arguments, *more, "-o", str(tmp_path)], monkeypatch, capsys)
+        assert len(ran.json["notes"]) == notes
+    assert ran.json["notes"][0].startswith("error_l2: not found of 2 cases done before")
 
 
 @pytest.mark.parametrize(
