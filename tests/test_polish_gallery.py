@@ -1,0 +1,547 @@
+"""A gallery of what the language can say, polished from coarse answers and held against theory.
+
+Expected values are closed forms; whatever is polished is verified besides by means that share
+nothing with the polish: states and costates integrated anew by an integrator of scipy, the cost by
+its quadrature, H against its values for other admissible controls, signs of multipliers.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import quad, solve_ivp
+
+import quito_cli as quito
+from quito_cli.problem.build import build
+from quito_cli.problem.load import load_text
+from quito_cli.problem.model import Model
+from quito_cli.solution.tally import failing
+
+Array = NDArray[np.float64]
+COARSE = {"steps": 50, "mesh": "uniform"}
+
+
+@cache
+def polished(text: str, **options: object) -> quito.Solution:
+    given = load_text("title: A problem of the gallery\n" + text, "gallery.yaml")
+    return quito.solve(given, polish=True, **(options or COARSE))  # type: ignore[arg-type]
+
+
+def account(solution: quito.Solution) -> str:
+    how = solution.polishing
+    assert how is not None
+    return "\n".join([how.outcome, *(f"{s.action}: {s.sentence}" for s in how.steps)])
+
+
+# The verifier
+
+
+@dataclass(frozen=True)
+class Symbols:
+    """H and what is beside it, written down from the Model anew."""
+
+    model: Model
+    hamiltonian: ca.Function
+    """(x, λ, u, p, t, ν) ↦ H and the rows that are held at all times."""
+    flow: ca.Function
+    """(x, λ, u, p, t, ν, μ) ↦ x', λ', integrand of the cost."""
+    lower: Array
+    upper: Array
+
+    @classmethod
+    def of(cls, model: Model) -> Symbols:
+        m = model
+        rates = m.right_hand_side(m.x, m.u, m.p, m.t)
+        costate, nu = ca.SX.sym("l", m.n_x), ca.SX.sym("nu", rates[1].numel() - 1)
+        h = rates[1][0] + ca.dot(nu, ca.vec(rates[1][1:])) + ca.dot(costate, rates[0])
+        rows = [c.value for c in m.constraints.path]
+        low = [c.bounds.lower for c in m.constraints.path]
+        high = [c.bounds.upper for c in m.constraints.path]
+        for i, (a, b) in enumerate(zip(*m.state_bounds, strict=True)):
+            if np.isfinite(a) or np.isfinite(b):
+                rows, low, high = [*rows, m.x[i]], [*low, [a]], [*high, [b]]
+        value = ca.vertcat(*rows)
+        mu = ca.SX.sym("mu", value.numel())
+        given = [m.x, costate, m.u, m.p, m.t, nu]
+        slope = -ca.gradient(h + ca.dot(mu, value), m.x)
+        return cls(
+            m,
+            ca.Function("H", given, [h, value]),
+            ca.Function("flow", [*given, mu], [rates[0], slope, rates[1][0]]),
+            np.concatenate([*low, np.zeros(0)]),
+            np.concatenate([*high, np.zeros(0)]),
+        )
+
+
+def assert_extremal(solution: quito.Solution, text: str) -> None:
+    """Pontryagin's conditions hold along an answer, and its cost is its own."""
+    symbols = Symbols.of(
+        build(load_text("title: A problem of the gallery\n" + text, "gallery.yaml"))
+    )
+    m, p = symbols.model, solution.parameters
+    named = [solution.multipliers[f"integral constraint {c.name}"] for c in m.constraints.integral]
+    nu = np.concatenate([np.ravel(v) for v in named]) if named else np.zeros(0)
+    assert solution.densities is not None
+    total, n = 0.0, m.n_x
+    sizes = 1 + np.abs(solution.costates).max()
+    rng = np.random.default_rng(1)
+    for a, b in zip(solution.times[:-1], solution.times[1:], strict=True):
+        first, last = a + 1e-9 * (b - a), b - 1e-9 * (b - a)
+
+        def rates(t: float, y: Array) -> Array:
+            u, mu = solution.control([t])[0], solution.densities.curve(np.array([t]))[0]  # type: ignore[union-attr]
+            found = symbols.flow(y[:n], y[n : 2 * n], u, p, t, nu, mu)
+            return np.concatenate([np.array(v).ravel() for v in found])
+
+        y = np.concatenate([solution.state([first])[0], solution.costate([first])[0], [0.0]])
+        end = solve_ivp(rates, (first, last), y, method="DOP853", rtol=1e-10, atol=1e-12).y[:, -1]
+        np.testing.assert_allclose(end[:n], solution.state([last])[0], rtol=1e-7, atol=1e-8)
+        np.testing.assert_allclose(
+            end[n:-1], solution.costate([last])[0], rtol=1e-7, atol=1e-7 * sizes
+        )
+        total += end[-1]
+        for t in np.linspace(first, last, 4)[1:-1]:
+            assert_least(symbols, solution, float(t), nu, rng)
+    x, ends = solution.state(solution.times[[0, -1]]), solution.times[[0, -1]]
+    total += float(m.end_cost(x[0], ends[0], x[-1], ends[-1], p))
+    assert (-total if solution.origin.maximize else total) == pytest.approx(
+        solution.cost, rel=1e-7, abs=1e-8
+    )
+
+
+def assert_least(
+    symbols: Symbols, solution: quito.Solution, t: float, nu: Array, rng: np.random.Generator
+) -> None:
+    """H is least among admissible controls, and multipliers press the way they may."""
+    m, p, u = symbols.model, solution.parameters, solution.control([t])[0]
+    x, costate = solution.state([t])[0], solution.costate([t])[0]
+    low, high = m.control_bounds
+    low, high = np.where(np.isfinite(low), low, u - 2), np.where(np.isfinite(high), high, u + 2)
+    tries = [u, *(low + (high - low) * rng.random(m.n_u) for _ in range(40))]
+    tries += [
+        np.clip(u + 0.02 * (high - low) * rng.standard_normal(m.n_u), low, high) for _ in range(20)
+    ]
+    found = [symbols.hamiltonian(x, costate, v, p, t, nu) for v in tries]
+    values = np.array([float(h) for h, _ in found])
+    rows = np.array([np.array(r).ravel() for _, r in found])
+    slack = 1e-8 * (1 + np.abs(rows[0]))
+    inside = ((rows >= symbols.lower - slack) & (rows <= symbols.upper + slack)).all(axis=1)
+    assert inside[0], f"constraints at {t}: {rows[0]}"
+    size = np.abs(values).max() + 1
+    assert values[0] - values[inside].min() <= 1e-7 * size, f"H is less at {t}"
+    assert solution.densities is not None
+    mu = solution.densities.curve(np.array([t]))[0]
+    most = 1e-6 * (1 + np.abs(mu).max(initial=0.0))
+    assert not np.any((mu > most) & (rows[0] < symbols.upper - 1e-6)), "μ > 0 below an upper bound"
+    assert not np.any((mu < -most) & (rows[0] > symbols.lower + 1e-6)), "μ < 0 above a lower bound"
+
+
+# Problems whose answers are known
+
+
+@dataclass(frozen=True)
+class Case:
+    text: str
+    cost: float | None = None
+    junctions: tuple[float, ...] | None = None
+
+
+FIRST = math.atan2(math.sqrt(63) / 8, 31 / 8)
+LAST = math.atan2(math.sqrt(63) / 8, 1 / 8)
+"""Times on the first and the last circle about ∓1: the switch lies where (x + 1)² + v² = 16 and
+(x − 3)² + v² = 1, at x = 23/8; half a turn later the last arc begins."""
+TANGENT = math.sqrt(0.2)
+"""Where a straight line from the origin touches the hill 0.2 − 4 (t − 0.5)²."""
+HILL = (8 * (0.5 - TANGENT)) ** 2 * TANGENT + 64 / 3 * (0.5 - TANGENT) ** 3
+CAP = 4 ** (1 / 3)
+"""u = 0, then p: 1/(2p) + p²/16 is least where p³ = 4."""
+MIXED = -1 + 0.2 * (0.008 / 3 + quad(lambda s: (1.2 - math.exp(-s)) ** 2, 0, math.log(5))[0])
+"""x = 0, then u = 1 to x = 0.2, then x = 1.2 − e^−s, for so long that 0.2 (1.2 − e^−s)² = e^−s."""
+
+KNOWN: dict[str, Case] = {
+    "coast": Case(
+        """
+time: {initial: 0, final: {lower: 0.1, upper: 20, guess: 5}}
+states: {x: {initial: 0, final: 3}, v: {initial: 0, final: 0, upper: 1}}
+controls: {u: {lower: -1, upper: 1}}
+dynamics: {x: v, v: u}
+cost: {mayer: t}
+""",
+        4,
+        (1, 3),
+    ),
+    "disc": Case(
+        """
+time: {initial: 0, final: {lower: 0.1, upper: 20, guess: 3}}
+states: {x: {initial: 0, final: 3}, y: {initial: 0, final: 4}}
+controls: {a: {}, b: {}}
+dynamics: {x: a, y: b}
+cost: {mayer: t}
+constraints: {path: {round: a^2 + b^2 <= 1}}
+""",
+        5,
+        (),
+    ),
+    "oscillator": Case(
+        """
+time: {initial: 0, final: {lower: 1, upper: 12, guess: 5}}
+states: {x: {initial: 3, final: 0, guess: 3*cos(t)}, v: {initial: 0, final: 0, guess: -3*sin(t)}}
+controls: {u: {lower: -1, upper: 1}}
+dynamics: {x: v, v: -x + u}
+cost: {mayer: t}
+""",
+        FIRST + math.pi + LAST,
+        (FIRST, FIRST + math.pi),
+    ),
+    "fuel_split": Case(
+        """
+time: {initial: 0, final: 4}
+states: {x: {initial: 1, final: 0}, v: {initial: 0, final: 0}}
+controls: {a: {lower: 0, upper: 1}, b: {lower: 0, upper: 1}}
+dynamics: {x: v, v: a - b}
+cost: {lagrange: a + b}
+""",
+        2 * (2 - math.sqrt(3)),
+        (2 - math.sqrt(3), 2 + math.sqrt(3)),
+    ),
+    "isoperimetric": Case(
+        """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0, final: 0, guess: t*(1-t)*5}}
+controls: {u: {}}
+dynamics: {x: u}
+cost: {lagrange: u^2}
+constraints: {integral: {norm: x^2 == 1}}
+""",
+        math.pi**2,
+        (),
+    ),
+    "bd_border": Case(
+        """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0, final: 0, upper: 1/6}, v: {initial: 1, final: -1}}
+controls: {u: {}}
+dynamics: {x: v, v: u}
+cost: {lagrange: u^2/2}
+""",
+        8 / 3,
+        None,
+    ),
+    "held_to_end": Case(
+        """
+time: {initial: 0, final: 3}
+states: {x: {initial: 0, upper: 1}}
+controls: {u: {lower: -1, upper: 1}}
+dynamics: {x: u}
+cost: {lagrange: (x - 2)^2}
+""",
+        7 / 3 + 2,
+        (1,),
+    ),
+    "held_always": Case(
+        """
+time: {initial: 0, final: 3}
+states: {x: {initial: 1, upper: 1}}
+controls: {u: {lower: -1, upper: 1}}
+dynamics: {x: u}
+cost: {lagrange: (x - 2)^2}
+""",
+        3,
+        (),
+    ),
+    "held_then_singular": Case(
+        """
+time: {initial: 0, final: 3}
+states: {x: {initial: 1, upper: 1}}
+controls: {u: {lower: -2, upper: 2}}
+dynamics: {x: u}
+cost: {lagrange: (x - 2 + t)^2}
+""",
+        1 / 3,
+        (1,),
+    ),
+    "singular_then_held": Case(
+        """
+time: {initial: 0, final: 2}
+states: {x: {initial: 0.5, upper: 1}}
+controls: {u: {lower: -1, upper: 2}}
+dynamics: {x: u}
+cost: {lagrange: (x - t)^2}
+""",
+        0.5**3 / 6 + 1 / 3,
+        (0.25, 1),
+    ),
+    "obstacle": Case(
+        """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0, final: 0}}
+controls: {u: {}}
+dynamics: {x: u}
+cost: {lagrange: u^2/2}
+constraints: {path: {hill: "x >= 0.2 - 4*(t - 0.5)^2"}}
+""",
+        HILL,
+        (TANGENT, 1 - TANGENT),
+    ),
+    "two_obstacles": Case(
+        """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0, final: 0}, y: {initial: 0, final: 0}}
+controls: {u: {}, v: {}}
+dynamics: {x: u, y: v}
+cost: {lagrange: (u^2 + v^2)/2}
+constraints: {path: {hill: "x >= 0.2 - 4*(t - 0.5)^2", dale: "y <= 4*(t - 0.5)^2 - 0.2"}}
+""",
+        2 * HILL,
+        (TANGENT, 1 - TANGENT),
+    ),
+    "stiff": Case(
+        """
+time: {initial: 0, final: 1}
+states: {x: {initial: 1, final: 1}}
+controls: {u: {}}
+dynamics: {x: u}
+cost: {lagrange: 10000*x^2 + u^2}
+""",
+        200 * math.tanh(50),
+        (),
+    ),
+    "fixed_control": Case(
+        """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0, final: 1}}
+controls: {u: {}, w: {lower: 0.5, upper: 0.5}}
+dynamics: {x: u + w}
+cost: {lagrange: u^2}
+""",
+        0.25,
+        (),
+    ),
+    "late_bound": Case(
+        """
+time: {initial: {lower: -0.5, upper: 0, guess: -0.2}, final: 1}
+states: {x: {initial: 0, final: 2}}
+controls: {u: {}}
+dynamics: {x: u}
+cost: {lagrange: u^2/2 + 0.5}
+""",
+        4 / 3 + 0.75,
+        (),
+    ),
+    "late_free": Case(
+        """
+time: {initial: {lower: -3, upper: 0, guess: -0.2}, final: 1}
+states: {x: {initial: 0, final: 2}}
+controls: {u: {}}
+dynamics: {x: u}
+cost: {lagrange: u^2/2 + 0.5}
+""",
+        2,
+        (),
+    ),
+    "end_range": Case(
+        """
+time: {initial: 0, final: 1}
+states: {x: {initial: {lower: -2, upper: 0.5}, final: {lower: 1, upper: 2}}}
+controls: {u: {}}
+dynamics: {x: u}
+cost: {lagrange: u^2/2}
+""",
+        0.125,
+        (),
+    ),
+    "param_path": Case(
+        """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0, final: 1}}
+controls: {u: {lower: 0, upper: 10}}
+parameters: {p: {lower: 0.5, upper: 5, guess: 2}}
+dynamics: {x: u}
+cost: {lagrange: x, mayer: p^2/16}
+constraints: {path: {cap: u <= p}}
+""",
+        1 / (2 * CAP) + CAP**2 / 16,
+        (1 - 1 / CAP,),
+    ),
+    "param_bound": Case(
+        """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0, final: 1}}
+controls: {u: {lower: 0, upper: 10}}
+parameters: {p: {lower: 0.5, upper: 1.25, guess: 1.1}}
+dynamics: {x: u}
+cost: {lagrange: x, mayer: p^2/16}
+constraints: {path: {cap: u <= p}}
+""",
+        0.4 + 1.25**2 / 16,
+        (0.2,),
+    ),
+    "boundary": Case(
+        """
+time: {initial: 0, final: 1}
+states: {x: {}}
+controls: {u: {}}
+dynamics: {x: u}
+cost: {lagrange: u^2/2, mayer: initial(x)^2}
+constraints: {boundary: {rise: final(x) - initial(x) >= 1, roof: final(x) <= 5}}
+""",
+        0.5,
+        (),
+    ),
+    "products": Case(
+        """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0, final: 1}}
+controls: {a: {}, b: {}}
+dynamics: {x: a + b + 0.5*a*b}
+cost: {lagrange: a^2 + 2*b^2 + 0.1*x^2}
+""",
+        None,
+        (),
+    ),
+    "saddle": Case(
+        """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0}}
+controls: {a: {lower: -1, upper: 1, guess: 1}, b: {lower: -1, upper: 1, guess: 1}}
+dynamics: {x: a*b}
+cost: {lagrange: x*cos(2*pi*t)}
+""",
+        -1 / math.pi**2,
+        (0.5,),
+    ),
+    "symmetry": Case(
+        """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0}, y: {initial: 0}}
+controls: {u: {lower: -1, upper: 1}, v: {lower: -1, upper: 1}}
+dynamics: {x: u, y: v}
+cost: {lagrange: (x + y)*cos(2*pi*t)}
+""",
+        -2 / math.pi**2,
+        (0.5,),
+    ),
+    "two_singular": Case(
+        """
+time: {initial: 0, final: 2}
+states: {x: {initial: 1}, y: {initial: 1}}
+controls: {a: {lower: -1, upper: 1}, b: {lower: -1, upper: 1}}
+dynamics: {x: a, y: b}
+cost: {lagrange: x^2 + y^2}
+""",
+        2 / 3,
+        (1,),
+    ),
+    "two_singular_apart": Case(
+        """
+time: {initial: 0, final: 2}
+states: {x: {initial: 1}, y: {initial: -0.5}}
+controls: {a: {lower: -1, upper: 1}, b: {lower: -1, upper: 1}}
+dynamics: {x: a, y: b}
+cost: {lagrange: x^2 + y^2 + x*y}
+""",
+        None,
+        None,
+    ),
+    "mixed_affine": Case(
+        """
+time: {initial: 0, final: 2}
+states: {x: {initial: 0}}
+controls: {u: {lower: -1, upper: 1}}
+dynamics: {x: u}
+cost: {mayer: -x, lagrange: 0.2*x^2}
+constraints: {path: {m: u + x <= 1.2}}
+""",
+        MIXED,
+        (1.8 - math.log(5), 2 - math.log(5)),
+    ),
+    "eqpath": Case(
+        """
+time: {initial: 0, final: 1}
+states: {x: {initial: 1}, y: {initial: 0}}
+controls: {a: {}, b: {}}
+dynamics: {x: a, y: b}
+cost: {lagrange: x^2 + y^2 + a^2 + 2*b^2}
+constraints: {path: {tie: a + b == x*y}}
+""",
+        None,
+        (),
+    ),
+    "saturated": Case(
+        """
+time: {initial: 0, final: 3}
+states: {x: {initial: 1}, v: {initial: 0}}
+controls: {u: {lower: -0.4, upper: 0.4}}
+dynamics: {x: v, v: u + 0.3*(1 - x^2)*v}
+cost: {lagrange: x^2 + u^2}
+""",
+        None,
+        None,
+    ),
+    "twostate": Case(
+        """
+time: {initial: 0, final: 4}
+states: {x: {initial: 0, final: 1.9, upper: 2}, v: {initial: 0, final: 0, upper: 0.7, lower: -1}}
+controls: {u: {lower: -2, upper: 2}}
+dynamics: {x: v, v: u - 0.2*v}
+cost: {lagrange: u^2 - x}
+""",
+        None,
+        None,
+    ),
+    "twosing": Case(
+        """
+time: {initial: 0, final: 3}
+states: {x: {initial: 1}, y: {initial: -1}, z: {initial: 0.5}}
+controls: {a: {lower: -1, upper: 1}, b: {lower: -1, upper: 1}}
+dynamics: {x: a + 0.2*z, y: b + 0.1*x, z: -z + x*y}
+cost: {lagrange: x^2 + y^2 + z^2 + 0.3*x*y}
+""",
+        None,
+        None,
+    ),
+    "slack_integral": Case(
+        """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0, final: 1}}
+controls: {u: {}}
+dynamics: {x: u}
+cost: {lagrange: u^2/2}
+constraints: {integral: {budget: u^2 <= 100, other: x <= 3}}
+""",
+        0.5,
+        (),
+    ),
+    "gate_late": Case(
+        """
+time: {initial: 0, final: {lower: 0.5, upper: 2, guess: 1}}
+states: {x: {initial: 0, final: 0}}
+controls: {u: {}}
+dynamics: {x: u}
+cost: {lagrange: u^2/2 + 0.1}
+constraints: {point: {gate: {at: 0.5, holds: x == 1}}}
+""",
+        1.2,
+        (1,),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_what_is_polished_from_fifty_equal_cells_is_exact(name: str) -> None:
+    case = KNOWN[name]
+    solution = polished(case.text)
+    assert solution.polished, account(solution)
+    assert solution.success
+    assert failing(solution.certificate) == []
+    if case.cost is not None:
+        assert solution.cost == pytest.approx(case.cost, rel=1e-9, abs=1e-10)
+    if case.junctions is not None:
+        assert solution.switching_times == pytest.approx(case.junctions, abs=1e-8)
+    assert_extremal(solution, case.text)
