@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import quad, solve_ivp
+from scipy.optimize import minimize_scalar
 
 import quito_cli as quito
 from quito_cli.problem.build import build
@@ -163,6 +164,11 @@ CAP = 4 ** (1 / 3)
 """u = 0, then p: 1/(2p) + p²/16 is least where p³ = 4."""
 MIXED = -1 + 0.2 * (0.008 / 3 + quad(lambda s: (1.2 - math.exp(-s)) ** 2, 0, math.log(5))[0])
 """x = 0, then u = 1 to x = 0.2, then x = 1.2 − e^−s, for so long that 0.2 (1.2 − e^−s)² = e^−s."""
+DECAY = float(
+    minimize_scalar(
+        lambda p: (math.exp(-p) - 0.5) ** 2 + 0.1 * p**2, bounds=(0, 3), options={"xatol": 1e-12}
+    ).fun
+)
 
 KNOWN: dict[str, Case] = {
     "coast": Case(
@@ -321,6 +327,17 @@ dynamics: {x: u + w}
 cost: {lagrange: u^2}
 """,
         0.25,
+        (),
+    ),
+    "no_control": Case(
+        """
+time: {initial: 0, final: 1}
+states: {x: {initial: 1}}
+parameters: {p: {guess: 0.5, lower: 0, upper: 3}}
+dynamics: {x: -p*x}
+cost: {mayer: (x - 0.5)^2 + 0.1*p^2}
+""",
+        DECAY,
         (),
     ),
     "late_bound": Case(

@@ -93,7 +93,9 @@ def refined(system: System, at: Unknowns, scales: Scales) -> Unknowns | None:
     for k, (segments, piece) in enumerate(zip(at.phases, pieces, strict=True)):
         size = np.maximum(scales.nodes[:two], np.abs(piece.y).max(axis=(0, 1)))
         rest = np.abs(np.einsum("cj,kjy->kcy", tails, piece.y)) / size
-        spans = np.maximum(np.ptp(piece.u, axis=(0, 1)), 1e-3 * (1 + np.abs(piece.u).max()))
+        spans = np.maximum(
+            np.ptp(piece.u, axis=(0, 1)), 1e-3 * (1 + np.abs(piece.u).max(initial=0.0))
+        )
         of_u = np.abs(np.einsum("cj,kjy->kcy", tails, piece.u)) / spans
         worst = np.concatenate([rest, of_u], axis=2).max(axis=(1, 2), initial=0.0)
         long = ~(worst <= RESOLVED)
