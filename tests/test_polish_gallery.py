@@ -512,6 +512,18 @@ cost: {lagrange: u^2 - x}
         None,
         None,
     ),
+    "periodic": Case(
+        """
+time: {initial: 0, final: 2*pi}
+states: {x: {}, y: {}}
+controls: {u: {lower: -0.3, upper: 0.3}}
+dynamics: {x: y, y: -x/2 + u}
+cost: {lagrange: (x - cos(t))^2 + u^2}
+constraints: {boundary: {px: final(x) == initial(x), py: final(y) == initial(y)}}
+""",
+        None,
+        None,
+    ),
     "twosing": Case(
         """
 time: {initial: 0, final: 3}
@@ -533,6 +545,18 @@ cost: {lagrange: u^2/2}
 constraints: {integral: {budget: u^2 <= 100, other: x <= 3}}
 """,
         0.5,
+        (),
+    ),
+    "point_at_0": Case(
+        """
+time: {initial: 0, final: 1}
+states: {x: {final: 0}, v: {final: 1}}
+controls: {u: {}}
+dynamics: {x: v, v: u}
+cost: {lagrange: u^2/2}
+constraints: {point: {start: {at: 0, holds: "[x, v] == [0, 0]"}}}
+""",
+        2,
         (),
     ),
     "gate_late": Case(
