@@ -547,6 +547,18 @@ constraints: {integral: {budget: u^2 <= 100, other: x <= 3}}
         0.5,
         (),
     ),
+    "point_at_1": Case(
+        """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0, final: 0}, v: {initial: 0}}
+controls: {u: {}}
+dynamics: {x: v, v: u}
+cost: {lagrange: u^2/2}
+constraints: {point: {end: {at: 1, holds: v == 1}}}
+""",
+        2,
+        (),
+    ),
     "point_at_0": Case(
         """
 time: {initial: 0, final: 1}
@@ -570,6 +582,76 @@ constraints: {point: {gate: {at: 0.5, holds: x == 1}}}
 """,
         1.2,
         (1,),
+    ),
+    "gate_moves": Case(
+        """
+time: {initial: 0, final: {lower: 0.5, upper: 20, guess: 3}}
+states: {x: {initial: 0}}
+controls: {u: {}}
+dynamics: {x: u}
+cost: {lagrange: u^2/2 + 0.5}
+constraints: {point: {gate: {at: 0.5, holds: x == 1 + t}, end: {at: 1, holds: x == 4 - 0.5*t}}}
+""",
+        2 * math.sqrt(17.5) - 5,
+        (math.sqrt(10 / 7),),
+    ),
+    "twice": Case(
+        """
+time: {initial: 0, final: {lower: 0.5, upper: 20, guess: 3}}
+states: {x: {initial: 0}, y: {initial: 0}}
+controls: {u: {}, v: {}}
+dynamics: {x: u, y: v}
+cost: {lagrange: u^2/2 + v^2/2 + 0.5}
+constraints:
+  point:
+    gate: {at: 0.5, holds: x == 1 + t}
+    low: {at: 0.5, holds: y <= -1}
+    slack: {at: 0.5, holds: y >= -2}
+    end: {at: 1, holds: x == 4 - 0.5*t}
+    back: {at: 1, holds: y == 0}
+""",
+        2 * math.sqrt(21) - 5,
+        (math.sqrt(12 / 7),),
+    ),
+    "end_range_point": Case(
+        """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0, final: {lower: 0, upper: 0.8}}, y: {initial: 0}}
+controls: {u: {}, v: {}}
+dynamics: {x: u, y: v}
+cost: {lagrange: (u^2+v^2)/2}
+constraints: {point: {end: {at: 1, holds: x + y == 2}}}
+""",
+        1.04,
+        (),
+    ),
+    "end_range_point_slack": Case(
+        """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0, final: {lower: 0, upper: 1.8}}, y: {initial: 0}}
+controls: {u: {}, v: {}}
+dynamics: {x: u, y: v}
+cost: {lagrange: (u^2+v^2)/2}
+constraints:
+  point:
+    end: {at: 1, holds: x + y >= 2}
+    slack: {at: 1, holds: x <= 5}
+    before: {at: 0, holds: x + y <= 1}
+""",
+        1,
+        (),
+    ),
+    "point_at_0_free": Case(
+        """
+time: {initial: {lower: -3, upper: 0, guess: -0.5}, final: {lower: 0.5, upper: 3, guess: 1}}
+states: {x: {}}
+controls: {u: {}}
+dynamics: {x: u}
+cost: {lagrange: u^2/2 + 0.5, mayer: 0.5*(final(t)-1)^2}
+constraints: {point: {start: {at: 0, holds: x == 3*t + 2}, end: {at: 1, holds: x >= 3}}}
+""",
+        None,
+        (),
     ),
 }
 

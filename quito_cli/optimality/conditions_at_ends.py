@@ -75,13 +75,16 @@ def _steps_of_h(look: Look) -> Iterator[tuple[float, float]]:
     import casadi as ca
 
     m, h, f = look.system.model, look.point.hamiltonian, look.flow
+    seen = {0, len(h)}  # at the ends H has one side, at each other time it jumps once
     for (k, rho), point in zip(look.impulses.points, m.constraints.point, strict=True):
-        if 0 < k < len(h):
-            inputs = [m.x, m.u, m.p, m.t]
-            by_t = ca.Function("by_t", inputs, [ca.densify(ca.jacobian(point.value, m.t))])
-            at = (look.panels.states[k], f.u[k], look.solution.parameters, look.panels.times[k])
-            slope = float(np.array(by_t(*at)).ravel() @ rho)
-            yield point.at or 0.0, float(h[k - 1] - h[k]) + slope
+        inputs = [m.x, m.u, m.p, m.t]
+        by_t = ca.Function("by_t", inputs, [ca.densify(ca.jacobian(point.value, m.t))])
+        u = f.u[min(k, len(h) - 1)]
+        at = (look.panels.states[k], u, look.solution.parameters, look.panels.times[k])
+        slope = float(np.array(by_t(*at)).ravel() @ rho)
+        step = 0.0 if k in seen else float(h[k - 1] - h[k])
+        seen.add(k)
+        yield point.at or 0.0, step + slope
 
 
 def _at_points(look: Look, k: int) -> Array:

@@ -31,7 +31,7 @@ def limits(system: System, at: Unknowns) -> Iterator[tuple[str, float]]:
     m, ends, g = system.setting.system.model, system.ends, at.shared
     part = {name: g[system.layout.place(name)] for name in system.layout.sizes}
     n = m.n_x
-    first, last = at.phases[0].nodes[0], at.phases[-1].nodes[-1]
+    first, last = at.phases[0].nodes[0], system.at_end(at)
     integrals = last[2 * n : 2 * n + system.setting.system.integrals]
     inputs = [part["x0"], part["T"][0], last[:n], part["T"][-1], part["p"]]
     energies = part["e"][0], _energy(system, at)
@@ -41,6 +41,9 @@ def limits(system: System, at: Unknowns) -> Iterator[tuple[str, float]]:
         for v in ends.conditions.residuals.call(
             [*inputs, part["l0"], last[n : 2 * n], *energies, by_p, part["omega"]]
         )
+    ]
+    slopes[2:4] = [
+        s + by_point for s, by_point in zip(slopes[2:4], system.of_points(at), strict=True)
     ]
     names = labels(m.states)
     horizon = float(np.ptp(part["T"]))

@@ -141,10 +141,12 @@ def assumed(setting: Setting, direct: Solution, pressed: Pressed, reach: float |
     own = [_row_arcs(direct, setting, i) for i in range(len(rows))]
     own = _aligned(setting, controls, own, (end - start) * MISALIGNED)
     fractions = [c.at for c in m.constraints.point if c.at is not None]
-    at_points = [start + f * (end - start) for f in fractions]
+    at_points = [end if f == 1 else start + f * (end - start) for f in fractions]
     inner = {a.end for arcs in (*controls, *own) for a in arcs if start < a.end < end}
     grid = np.diff(direct.times)
-    inner = {t for t in inner if all(abs(t - p) > 2 * grid.max() for p in at_points)}
+    inner = {
+        t for t in inner if all(abs(t - p) > 2 * grid.max() for p in set(at_points) - {start, end})
+    }
     times = sorted({start, end, *inner, *at_points})
     phases = []
     for a, b in pairwise(times):

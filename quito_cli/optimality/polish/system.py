@@ -106,8 +106,15 @@ class System:
             system.integrals,
             len(self.ends.boundary),
             sum(leap.multipliers.stop - leap.multipliers.start for leap in self.leaps if leap),
-            1 + 2 * len(self.structure.points),
+            1 + 2 * len(self.instants),
         )
+
+    @cached_property
+    def instants(self) -> tuple[tuple[int, float], ...]:
+        """Junctions where point constraints are, and at which part of the horizon; each once."""
+        given = self.setting.system.model.constraints.point
+        parts = {k: given[which].at or 0.0 for k, which in self.structure.points}
+        return tuple(sorted(parts.items()))
 
     @property
     def beside(self) -> int:
@@ -175,7 +182,8 @@ class System:
         chain[-1].append(self._final(settled))
         for k, leap in enumerate(self.leaps):
             if leap is not None:
-                chain[firsts[min(k, len(phases) - 1)]] += self._point_rows(settled, k, leap)
+                at_node = firsts[k] if k < len(phases) else -1
+                chain[at_node] += self._point_rows(settled, k, leap)
         return flows, chain, settled
 
     def _inputs(self, segments: Segments, phase: int, start: bool, g: Array) -> Array:
@@ -228,6 +236,18 @@ class System:
         by_g[np.ix_(places, np.arange(layout.count)[own])] = signs[:, None] * by_m
         return change, by_y, by_g
 
+    def at_end(self, at: Unknowns) -> Array:
+        """Return y at the final time, after what happens there, (n_y,)."""
+        last = at.phases[-1].nodes[-1]
+        return np.asarray(last + self._jumped(at, len(self.laws), last)[0])
+
+    def of_points(self, at: Unknowns) -> Array:
+        """Return what point constraints add to the conditions of initial and final time, (2,)."""
+        e, found = at.shared[self.layout.place("e")], np.zeros(2)
+        for j, (_, f) in enumerate(self.instants):
+            found += (e[1 + 2 * j] - e[2 + 2 * j]) * np.array([1 - f, f])
+        return found
+
     def _begin(self, at: Unknowns) -> Rows:
         """y_0 = (x₀, λ₀, 0), and the jump of what is active from the first."""
         n, layout, g = self.layout.states, self.layout, at.shared
@@ -250,15 +270,16 @@ class System:
     def _energies(self, at: Unknowns, firsts: Array) -> list[tuple[Rows, int]]:
         """e = H at the initial time and on both sides of point constraints."""
         first = self.layout.place("e").start
-        found = [self._energy(at, 0, True, first, None)]
-        for j, (k, _) in enumerate(self.structure.points):
-            found.append(self._energy(at, k - 1, False, first + 1 + 2 * j, k))
-            found.append(self._energy(at, k, True, first + 2 + 2 * j, None))
-        nodes = [
-            int(firsts[0]),
-            *(n for k, _ in self.structure.points for n in (firsts[k] - 1, firsts[k])),
-        ]
-        return [(rows, int(node)) for rows, node in zip(found, nodes, strict=True)]
+        last, end = len(self.laws) - 1, int(firsts[-1]) - 1
+        found = [(self._energy(at, 0, True, first, None), 0)]
+        for j, (k, _) in enumerate(self.instants):
+            # At an end of the horizon there is one side: what is left of the two is ρᵀ c_t.
+            before, after = max(k - 1, 0), min(k, last)
+            rows = self._energy(at, before, k == 0, first + 1 + 2 * j, k)
+            found.append((rows, max(int(firsts[k]) - 1, 0)))
+            rows = self._energy(at, after, k <= last, first + 2 + 2 * j, None)
+            found.append((rows, int(firsts[k]) if k <= last else end))
+        return found
 
     def _energy(self, at: Unknowns, phase: int, start: bool, place: int, k: int | None) -> Rows:
         rows = self._rows(at, self.hamiltonians[phase], phase, start)
@@ -266,7 +287,7 @@ class System:
         leap = None if k is None else self.leaps[k]
         if leap is not None and k is not None:  # ρᵀ c_t
             layout, g = self.layout, at.shared
-            n, y = layout.states, at.phases[phase].nodes[-1]
+            n, y = layout.states, at.phases[phase].nodes[0 if start else -1]
             own = slice(
                 layout.place("pi").start + leap.multipliers.start,
                 layout.place("pi").start + leap.multipliers.stop,
@@ -282,12 +303,13 @@ class System:
         """Everything that holds at the ends."""
         layout, g, n = self.layout, at.shared, self.layout.states
         last, phase = at.phases[-1].nodes[-1], len(self.laws) - 1
+        change, by_y, by_g = self._jumped(at, len(self.laws), last)
         energy = self._rows(at, self.hamiltonians[phase], phase, False)
         hf, times = -energy.right[0], layout.place("T")
         parts = [
             g[layout.place("x0")],
             g[layout.place("l0")],
-            last,
+            last + change,
             g[[times.start, times.stop - 1]],
         ]
         parts += [g[layout.place(name)] for name in ("p", "nu", "omega")]
@@ -298,7 +320,9 @@ class System:
         for name in ("x0", "l0"):
             shared[:, layout.place(name)] += by_e[:, at_column : at_column + n]
             at_column += n
-        here += by_e[:, at_column : at_column + self.size]
+        by_last = by_e[:, at_column : at_column + self.size]
+        here += by_last @ (np.eye(self.size) + by_y)
+        shared += by_last @ by_g
         at_column += self.size
         for place in (times.start, times.stop - 1):
             shared[:, place] += by_e[:, at_column]
@@ -317,8 +341,7 @@ class System:
     def _pointed(self, g: Array, shared: Array, right: Array) -> None:
         """Add what point constraints do to the conditions of free times."""
         first, n = self.layout.place("e").start + 1, self.layout.states
-        for j, (_, which) in enumerate(self.structure.points):
-            f = self.setting.system.model.constraints.point[which].at or 0.0
+        for j, (_, f) in enumerate(self.instants):
             step = g[first + 2 * j] - g[first + 1 + 2 * j]
             for row, time, share in (
                 (2 * n, self.ends.initial_time, 1 - f),
@@ -331,11 +354,10 @@ class System:
 
     def _point_rows(self, at: Unknowns, k: int, leap: Leap) -> list[Rows]:
         """Return the rows of point constraints at junction k: values or multipliers, the time."""
-        which = next((p for j, p in self.structure.points if j == k), None)
-        if which is None:
+        f = dict(self.instants).get(k)
+        if f is None:
             return []
         layout, g, n = self.layout, at.shared, self.layout.states
-        f = self.setting.system.model.constraints.point[which].at or 0.0
         times = layout.place("T")
         time = np.zeros((1, layout.count))
         time[0, times.start + k] = 1.0
@@ -346,10 +368,12 @@ class System:
             layout.place("pi").start + leap.multipliers.start,
             layout.place("pi").start + leap.multipliers.stop,
         )
-        given = (at.phases[k].nodes[0][:n], g[times.start + k], g[layout.place("p")], g[own])
+        y = at.phases[k].nodes[0] if k < len(self.laws) else at.phases[-1].nodes[-1]
+        given = (y[:n], g[times.start + k], g[layout.place("p")], g[own])
         values, by_x, by_t, by_p = (np.array(v) for v in leap.function.call(given)[5:9])
-        bounds, at_row = self.ends.points[which], 0
+        at_row = 0
         for jump in leap.jumps:
+            bounds = np.zeros(0) if jump.point is None else self.ends.points[jump.point]
             for i in range(jump.values.numel()):
                 row = at_row + i
                 here, shared = np.zeros((1, self.size)), np.zeros((1, layout.count))

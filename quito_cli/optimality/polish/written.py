@@ -86,13 +86,10 @@ def _gradients(system: System, at: Unknowns, k: int, piece: Piece, held: Held) -
 
 def _points(system: System, at: Unknowns, count: int) -> Iterator[Array]:
     """Give the multipliers of each point constraint."""
-    known = {
-        jump.point: at.shared[system.layout.place("pi")][leap.multipliers][: jump.values.numel()]
-        for leap in system.leaps
-        if leap
-        for jump in leap.jumps
-        if jump.point is not None
-    }
+    jumps = [jump for leap in system.leaps if leap for jump in leap.jumps]
+    lasts = np.cumsum([0, *(jump.values.numel() for jump in jumps)])[1:-1]
+    parts = np.split(at.shared[system.layout.place("pi")], lasts)
+    known = {jump.point: part for jump, part in zip(jumps, parts, strict=bool(jumps))}
     for k in range(count):
         yield known[k]
 
