@@ -668,3 +668,74 @@ def test_what_is_polished_from_fifty_equal_cells_is_exact(name: str) -> None:
     if case.junctions is not None:
         assert solution.switching_times == pytest.approx(case.junctions, abs=1e-8)
     assert_extremal(solution, case.text)
+
+
+# What must not be polished
+
+REFUSED: dict[str, str] = {
+    "of two wells the shallower": """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0, guess: t}}
+controls: {u: {lower: -2, upper: 2, guess: 1}}
+dynamics: {x: u}
+cost: {lagrange: (u^2 - 1)^2 + 0.5*u}
+""",
+    "of two bounds the dearer": """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0, guess: t}}
+controls: {u: {lower: -1, upper: 1, guess: 1}}
+dynamics: {x: u}
+cost: {lagrange: -u^2 + 0.5*u}
+""",
+    "between wells": """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0}}
+controls: {u: {lower: -2, upper: 2}}
+dynamics: {x: u}
+cost: {lagrange: (u^2 - 1)^2 + x^2}
+""",
+    "Fuller": """
+time: {initial: 0, final: 3}
+states: {x: {initial: 1, final: 0}, v: {initial: 0, final: 0}}
+controls: {u: {lower: -1, upper: 1}}
+dynamics: {x: v, v: u}
+cost: {lagrange: x^2}
+""",
+    "any control is optimal": """
+time: {initial: 0, final: 2}
+states: {x: {initial: 0, final: 0.5}}
+controls: {u: {lower: -1, upper: 1}}
+dynamics: {x: u}
+cost: {lagrange: u}
+""",
+    "abnormal": """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0, final: 0}, y: {initial: 0}}
+controls: {u: {lower: -1, upper: 1}}
+dynamics: {x: u^2, y: u}
+cost: {mayer: y}
+""",
+    "a gear that shifts where x = 0.5": """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0, final: 1}}
+controls: {u: {guess: 0.8}}
+dynamics: {x: "if_else(x < 0.5, u, 2*u)"}
+cost: {lagrange: u^2}
+""",
+    "a kink at a time that is not known": """
+time: {initial: 0, final: 2}
+states: {x: {initial: 1, final: -1}}
+controls: {u: {lower: -1, upper: 1}}
+dynamics: {x: "u*(1 + 0.5*abs(x - 0.123))"}
+cost: {lagrange: u^2/2}
+""",
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_no_extremal_or_no_isolated_one_is_refused(name: str) -> None:
+    solution = polished(REFUSED[name])
+    how = solution.polishing
+    assert how is not None
+    assert not solution.polished, account(solution)
+    assert how.reason

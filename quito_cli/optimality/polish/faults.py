@@ -6,6 +6,7 @@
     rows that are not held are within their bounds               an arc of theirs is missing
     η ≥ 0 of rows held at upper bounds, ≤ 0 at lower ones; of a state constraint of order q
     (−1)^q dη^q/dt^q likewise, and the atoms where it begins     it does not hold there
+    H is no less for other admissible controls                   a lesser well, or none
     H_uu positive semidefinite among free controls, (−1)^q A among singular ones (Legendre, Clebsch)
     multipliers of what holds at the ends have their signs, and what does not hold is within bounds
 
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 
 from quito_cli.optimality.hamiltonian import sampled as along
 from quito_cli.optimality.polish.dense import Piece, lengths, sampled
+from quito_cli.optimality.polish.minimum import lesser
 from quito_cli.optimality.polish.structure import Held
 from quito_cli.optimality.polish.system import System
 from quito_cli.optimality.polish.unknowns import Unknowns
@@ -70,6 +72,7 @@ def faults(system: System, at: Unknowns) -> list[Fault]:
     found = [*_signs(system, at, pieces), *_beyond(system, pieces), *_violated(system, at, pieces)]
     found += _chattering(system)
     found += [*_pulls(system, at, pieces), *_curved(system, at, pieces), *_ends(system, at)]
+    found += _lesser(system, at, pieces)
     return sorted(found, key=lambda fault: -fault.amount)
 
 
@@ -397,6 +400,17 @@ def _bent(wrong: Array, t: Array, k: int, what: str) -> Iterator[Fault]:
     for start, end, worst in _runs(wrong, t):
         says = f"{what} from {start:.6g} to {end:.6g}"
         yield Fault("curvature", start, end, float(wrong[worst]), says, phase=k)
+
+
+def _lesser(system: System, at: Unknowns, pieces: tuple[Piece, ...]) -> Iterator[Fault]:
+    for k, piece in enumerate(pieces):
+        found = lesser(system, k, arguments(system, at, k, *piece.flat()))
+        for start, end, worst in _runs(found.wrong, found.t) if found else ():
+            values = ", ".join(
+                f"{system.setting.name(i)} = {v:.6g}" for i, v in enumerate(found.better[worst])
+            )
+            says = f"H is less from {start:.6g} to {end:.6g}: at {found.t[worst]:.6g} for {values}"
+            yield Fault("curvature", start, end, float(found.wrong[worst]), says, phase=k)
 
 
 def _ends(system: System, at: Unknowns) -> Iterator[Fault]:
