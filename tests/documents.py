@@ -15,6 +15,8 @@ from quito_cli.cli.app import main
 COMMANDS = (
     "solve",
     "compare",
+    "batch",
+    "sweep",
     "check",
     "list",
     "show",

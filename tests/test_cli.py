@@ -30,12 +30,13 @@ import quito_cli as quito
 from quito_cli.cli.app import main
 from quito_cli.errors import QuitoError
 from quito_cli.problem.build import build
+from quito_cli.problem.library import bundled
 from quito_cli.problem.load import load_text
 from quito_cli.solvers.outcome import Status
 
 ROOT = Path(__file__).parent.parent
 ACCEPTED = ROOT / "tests" / "problems" / "accepted"
-BUNDLED = sorted(path.stem for path in (ROOT / "problems").glob("*.yaml"))
+BUNDLED = sorted(bundled())
 MAGIC = {"png": b"\x89PNG\r\n\x1a\n", "pdf": b"%PDF-", "svg": b"<?xml"}
 HEAVY = ("casadi", "h5py", "matplotlib", "numpy", "pydantic", "yaml")
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
@@ -1003,6 +1004,16 @@ def test_ctrl_c_half_way_through_a_refinement_keeps_the_best_mesh(tmp_path: Path
     assert solution.cost == pytest.approx(0.7576179286593919, abs=1e-3)
 
 
+def test_a_polish_is_a_stage_of_its_own_on_the_terminal(tmp_path: Path) -> None:
+    seen = on_a_terminal("solve", "bang_bang", "--polish", "--no-plot", folder=tmp_path)
+    assert seen.code == 0
+    lines = seen.terminal.replace("\x1b[K", "").split("\r")
+    assert max(map(len, lines)) < 80
+    assert lines[-2].startswith("polish  iteration    0   cost -1.83060e-01")
+    assert lines[-1] == ""
+    assert "  polished " in seen.out
+
+
 # Result files that are none
 
 
@@ -1141,8 +1152,7 @@ options: {steps: 10, variance: 2, path_points: substeps, tolerance: 1e-8}
 TEXTS = [
     *(
         path.read_text(encoding="utf-8")
-        for folder in (ROOT / "problems", ACCEPTED)
-        for path in sorted(folder.glob("*.yaml"))
+        for path in [*bundled().values(), *sorted(ACCEPTED.glob("*.yaml"))]
     ),
     *[EVERY_KEY] * 12,
 ]

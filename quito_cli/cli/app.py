@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from quito_cli import __version__
+from quito_cli.cli.batch import batch
 from quito_cli.cli.check import check
 from quito_cli.cli.compare import compare
 from quito_cli.cli.generating_functions import generating_functions
@@ -23,6 +24,7 @@ from quito_cli.cli.schema import schema
 from quito_cli.cli.show import show
 from quito_cli.cli.solve import solve
 from quito_cli.cli.solvers import solvers
+from quito_cli.cli.sweep import sweep
 from quito_cli.errors import QuitoError
 
 app = typer.Typer(
@@ -57,6 +59,8 @@ def _quito(
 
 app.command("solve")(solve)
 app.command("compare")(compare)
+app.command("batch")(batch)
+app.command("sweep")(sweep)
 app.command("check")(check)
 app.command("list")(list_problems)
 app.command("show")(show)

@@ -151,9 +151,9 @@ def at_place(table: Mapping[Place, Row], path: Path) -> Row | None:
     return None
 
 
-def known_keys(path: Path) -> list[str]:
-    """Return the keys that the mapping holding `path` may have."""
-    model: Any = Problem
+def known_keys(path: Path, root: Any = Problem) -> list[str]:
+    """Return the keys that the mapping holding `path` may have, in a file of the model `root`."""
+    model = root
     named = False  # the step before led to a mapping by name: this one is no key of ours
     for step in path[:-1]:
         if not named and isinstance(step, str) and step in model.model_fields:

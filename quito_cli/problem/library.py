@@ -1,10 +1,13 @@
-"""The bundled problems: inside the package where it is installed, else beside it."""
+"""The bundled problems and suites: inside the package where it is installed, else beside it."""
 
 from __future__ import annotations
 
+import re
+from functools import cache
 from pathlib import Path
 
 _PACKAGE = Path(__file__).resolve().parent.parent
+_KEY = re.compile(r"^(cases|dynamics)\s*:", re.MULTILINE)
 
 
 def data_folder(name: str) -> Path:
@@ -15,4 +18,24 @@ def data_folder(name: str) -> Path:
 
 def bundled() -> dict[str, Path]:
     """Return the bundled problems by name, sorted."""
+    return {name: path for name, path in _files().items() if not _is_suite(path)}
+
+
+def bundled_suites() -> dict[str, Path]:
+    """Return the bundled suites of cases by name, sorted."""
+    return {name: path for name, path in _files().items() if _is_suite(path)}
+
+
+def says_cases(text: str) -> bool:
+    """Whether a file's text is that of a suite: it has `cases:`, and no `dynamics:`."""
+    keys = set(_KEY.findall(text))
+    return "cases" in keys and "dynamics" not in keys
+
+
+def _files() -> dict[str, Path]:
     return {path.stem: path for path in sorted(data_folder("problems").glob("*.yaml"))}
+
+
+@cache  # they do not change
+def _is_suite(path: Path) -> bool:
+    return says_cases(path.read_text(encoding="utf-8"))

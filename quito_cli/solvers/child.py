@@ -32,6 +32,9 @@ GRACE = 2.0
 """Seconds that a child has to answer a request to stop."""
 LOOK = 0.05
 """Seconds between two looks at whether the user wants to stop."""
+TOGETHER = "QUITO_TOGETHER"
+"""In the environment of a process that no terminal reaches: its children stay in its group, so
+that they can be ended as one."""
 
 
 def solve(program: Program, request: Request) -> Outcome:
@@ -86,16 +89,16 @@ def _awaited(
 
 
 def _started() -> subprocess.Popen[bytes]:
-    """Return the child; it finds this package where this process did, and no signal of ours."""
+    """Return the child; it finds this package where this process did; no terminal reaches it."""
     home = str(Path(__file__).resolve().parents[2])
     paths = [home, *filter(None, [os.environ.get("PYTHONPATH")])]
     return subprocess.Popen(
-        [sys.executable, "-m", "quito_cli.solvers.child"],
+        [sys.executable, "-P", "-m", "quito_cli.solvers.child"],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
-        start_new_session=True,
+        start_new_session=TOGETHER not in os.environ,
     )
 
 

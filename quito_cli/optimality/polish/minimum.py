@@ -14,13 +14,13 @@ adjoining: H + η S^(q), but for what is without u.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.optimality.hamiltonian import sampled as along
+from quito_cli.optimality.polish.dense import Dense, Piece
+from quito_cli.optimality.polish.fault import Fault, runs
 
 if TYPE_CHECKING:
     import casadi as ca
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from quito_cli.optimality.polish.system import System
 
 Array = NDArray[np.float64]
-Arguments = tuple[Array, Array, Array, Array, Array, Array, Array]
 
 ALONG = 33
 """Values of each control that are tried while the others stay."""
@@ -42,49 +41,42 @@ INSIDE = 1e-9
 """By how much constraints may be violated, over 1 + |bound|."""
 
 
-@dataclass(frozen=True)
-class Lesser:
-    """Where H is less for other controls, in one phase."""
-
-    t: Array
-    """(n,)."""
-    wrong: Array
-    """(n,) H minus the least that was found, over its size, minus `LESS`."""
-    better: Array
-    """(n, n_u) the controls of the least one."""
-
-
-def lesser(system: System, k: int, given: Arguments) -> Lesser | None:
-    """Return where H is less for other controls; None where the sign of H_u says all.
-
-    Args:
-        system: the equations.
-        k: a phase.
-        given: values of Pontryagin's arguments along it, η in the place of μ.
-    """
+def lesser(dense: Dense, pieces: tuple[Piece, ...]) -> Iterator[Fault]:
+    """Give where H is less for other controls than those of an extremal."""
     import casadi as ca
 
-    if not ca.hessian(system.setting.system.hamiltonian, system.setting.system.model.u)[0].nnz():
-        return None
-    t, x, costate, u, p, mu, nu = given
+    setting, system = dense.system.setting, dense.system.setting.system
+    if not ca.hessian(system.hamiltonian, system.model.u)[0].nnz():  # the sign of H_u says all
+        return
+    for k, piece in enumerate(pieces):
+        t, wrong, better = _compared(dense, k, piece)
+        for run in runs(wrong, t):
+            values = enumerate(better[run.worst])
+            named = ", ".join(f"{setting.name(i)} = {value:.6g}" for i, value in values)
+            says = f"H is less {run.when}: at {t[run.worst]:.6g} for {named}"
+            yield Fault("curvature", run.start, run.end, run.amount, says, phase=k)
+
+
+def _compared(dense: Dense, k: int, piece: Piece) -> tuple[Array, Array, Array]:
+    """Return times, H minus the least that was found over its size, the controls of that."""
+    t, y, z, u = piece.flat()
     some = np.unique(np.linspace(0, len(t) - 1, MOMENTS).astype(int))
-    t, u = t[some], u[some]
-    function = _measured(system, k)
+    t, y, z, u = t[some], y[some], z[some], u[some]
+    function = _measured(dense.system, k)
 
     def measured(controls: Array) -> Array:
-        values = (t, x[some], costate[some], controls, p, mu[some], nu)
-        return along(function, values)[0]
+        return dense.along(function, k, Piece(t[None], y[None], z[None], controls[None]))[0]
 
     here = measured(u)[:, 0]
     least, better, size = here.copy(), u.copy(), float(np.abs(here).max())
-    for tried in _candidates(system, u):
+    for tried in _candidates(dense.system, u):
         found = measured(tried)
-        value = np.where(_admissible(system, found[:, 1:]), found[:, 0], np.nan)
+        value = np.where(_admissible(dense.system, found[:, 1:]), found[:, 0], np.nan)
         size = max(size, float(np.nan_to_num(np.abs(value - here), posinf=0.0).max()))
         less = value < least
         least = np.where(less, value, least)
         better = np.where(less[:, None], tried, better)
-    return Lesser(t, (here - least) / (size or 1.0) - LESS, better)
+    return t, (here - least) / (size or 1.0) - LESS, better
 
 
 def _measured(system: System, k: int) -> ca.Function:
