@@ -8,8 +8,10 @@ its quadrature, H against its values for other admissible controls, signs of mul
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -19,19 +21,23 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import minimize_scalar
 
 import quito_cli as quito
+from quito_cli.optimality.polish.polish import sought
+from quito_cli.optimality.polish.search import Log
+from quito_cli.optimality.polish.written import exact
 from quito_cli.problem.build import build
 from quito_cli.problem.load import load_text
 from quito_cli.problem.model import Model
+from quito_cli.solution.optimal import Arc, Kind
 from quito_cli.solution.tally import failing
 
 Array = NDArray[np.float64]
-COARSE = {"steps": 50, "mesh": "uniform"}
+COARSE: dict[str, Any] = {"steps": 50, "mesh": "uniform"}
 
 
 @cache
 def polished(text: str, **options: object) -> quito.Solution:
     given = load_text("title: A problem of the gallery\n" + text, "gallery.yaml")
-    return quito.solve(given, polish=True, **(options or COARSE))  # type: ignore[arg-type]
+    return quito.solve(given, polish=True, **(options or COARSE))
 
 
 def account(solution: quito.Solution) -> str:
@@ -66,7 +72,8 @@ class Symbols:
         high = [c.bounds.upper for c in m.constraints.path]
         for i, (a, b) in enumerate(zip(*m.state_bounds, strict=True)):
             if np.isfinite(a) or np.isfinite(b):
-                rows, low, high = [*rows, m.x[i]], [*low, [a]], [*high, [b]]
+                rows.append(m.x[i])
+                low, high = [*low, np.array([a])], [*high, np.array([b])]
         value = ca.vertcat(*rows)
         mu = ca.SX.sym("mu", value.numel())
         given = [m.x, costate, m.u, m.p, m.t, nu]
@@ -739,3 +746,74 @@ def test_what_is_no_extremal_or_no_isolated_one_is_refused(name: str) -> None:
     assert how is not None
     assert not solution.polished, account(solution)
     assert how.reason
+
+
+# Structures that are wrong
+
+Arcs = list[Arc]
+
+
+def shifted(arcs: Arcs, span: float, rng: np.random.Generator) -> Arcs:
+    """Move every junction by up to a part of the horizon."""
+    ends = {a.end for a in arcs if a.end < max(b.end for b in arcs)}
+    moved = {t: t + span * rng.uniform(-1, 1) for t in sorted(ends)}
+    placed = [
+        replace(a, start=moved.get(a.start, a.start), end=moved.get(a.end, a.end)) for a in arcs
+    ]
+    return [a for a in placed if a.end > a.start]
+
+
+def without(arcs: Arcs, k: int) -> Arcs | None:
+    """Give an arc to the one beside it."""
+    own = [a for a in arcs if a.of == arcs[k].of]
+    if len(own) == 1:
+        return None
+    at = own.index(arcs[k])
+    beside = own[at - 1] if at else own[1]
+    first, last = min(beside.start, arcs[k].start), max(beside.end, arcs[k].end)
+    wider = replace(beside, start=first, end=last)
+    return [wider if a is beside else a for a in arcs if a is not arcs[k]]
+
+
+def spurious(arcs: Arcs, k: int, kind: Kind) -> Arcs:
+    """Put an arc of another kind into the middle of one."""
+    a = arcs[k]
+    start, end = a.start + 0.4 * (a.end - a.start), a.start + 0.7 * (a.end - a.start)
+    parts = [replace(a, end=start), replace(a, kind=kind, start=start, end=end)]
+    return [*arcs[:k], *parts, replace(a, start=end), *arcs[k + 1 :]]
+
+
+def hostile(arcs: Arcs, horizon: float) -> Iterator[tuple[str, Arcs]]:
+    rng = np.random.default_rng(3)
+    for part in (0.03, 0.1):
+        yield f"shifted by {part:.0%}", shifted(arcs, part * horizon, rng)
+    for k, arc in enumerate(arcs):
+        less = without(arcs, k)
+        if less is not None:
+            yield f"without {arc}", less
+        kinds: tuple[Kind, ...] = ("active",)
+        if arc.kind not in ("active", "inactive"):
+            kinds = ("upper", "singular")
+        for kind in kinds:
+            if kind != arc.kind:
+                yield f"{arc} with an arc {kind}", spurious(arcs, k, kind)
+
+
+@pytest.mark.parametrize("name", ["singular_then_held", "obstacle", "saturated", "gate_moves"])
+def test_a_wrong_structure_is_mended_or_refused(name: str) -> None:
+    case = KNOWN[name]
+    problem = load_text("title: A problem of the gallery\n" + case.text, "gallery.yaml")
+    model, direct = build(problem), quito.solve(problem, **COARSE)
+    right = polished(case.text).cost
+    assert direct.extremal is not None
+    mended, tried = 0, 0
+    for what, arcs in hostile(list(direct.arcs), float(np.ptp(direct.times))):
+        given = replace(direct, extremal=replace(direct.extremal, arcs=tuple(arcs)))
+        ended = sought(model, given, Log())
+        tried += 1
+        if ended.extremal is None:
+            assert ended.reason, what
+            continue
+        mended += 1
+        assert exact(ended.extremal, ended.residual).cost == pytest.approx(right, rel=1e-9), what
+    assert mended > tried / 2
