@@ -177,7 +177,37 @@ DECAY = float(
     ).fun
 )
 
+SHARE = (
+    quad(lambda t: 0.2 * t + 0.8 * (1.5 - t), 0, 0.75)[0]
+    + quad(lambda t: 0.8 * t + 0.2 * (1.5 - t), 0.75, 1.5)[0]
+    + quad(lambda t: 0.8 * t, 1.5, 3)[0]
+)
+
 KNOWN: dict[str, Case] = {
+    "share": Case(
+        """
+sense: maximize
+time: {initial: 0, final: 3}
+states: {x: {initial: 0}}
+controls: {a: {lower: 0, upper: 0.8}, b: {lower: 0, upper: 0.8}}
+dynamics: {x: a*t + b*(1.5 - t)}
+cost: {mayer: x}
+constraints: {path: {both: a + b <= 1}}
+""",
+        SHARE,
+        (0.75, 1.5),
+    ),
+    "close": Case(
+        """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0}, y: {initial: 0}}
+controls: {u: {lower: -1, upper: 1}, v: {lower: -1, upper: 1}}
+dynamics: {x: u, y: v}
+cost: {lagrange: x*cos(2*pi*t) + y*cos(2*pi*t + 0.004)}
+""",
+        None,
+        (0.5 - 0.004 / math.pi, 0.5),
+    ),
     "coast": Case(
         """
 time: {initial: 0, final: {lower: 0.1, upper: 20, guess: 5}}
@@ -675,6 +705,14 @@ def test_what_is_polished_from_fifty_equal_cells_is_exact(name: str) -> None:
     if case.junctions is not None:
         assert solution.switching_times == pytest.approx(case.junctions, abs=1e-8)
     assert_extremal(solution, case.text)
+
+
+def test_an_arc_of_hardly_any_length_is_dropped() -> None:
+    """From a staircase the touch of the border case comes as an arc, whose length turns out 0."""
+    staircase = {"discretization": "euler", "control": "piecewise-constant"}
+    solution = polished(KNOWN["bd_border"].text, mesh="uniform", steps=100, **staircase)
+    assert solution.polished, account(solution)
+    assert solution.cost == pytest.approx(8 / 3, rel=1e-9)
 
 
 # What must not be polished

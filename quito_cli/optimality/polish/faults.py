@@ -61,4 +61,5 @@ def _vanished(dense: Dense) -> Iterator[Fault]:
     for k, length in enumerate(dense.lengths):
         if length <= EMPTY * dense.horizon:
             says = f"the arc that was to begin at {dense.times[k]:.6g} has no length"
-            yield Fault("vanished", 0.0, 0.0, float(-length / dense.horizon), says, k)
+            amount = EMPTY - float(length) / dense.horizon
+            yield Fault("vanished", 0.0, 0.0, amount, says, k)
