@@ -197,6 +197,19 @@ constraints: {path: {both: a + b <= 1}}
         SHARE,
         (0.75, 1.5),
     ),
+    "param_point": Case(
+        """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0}}
+controls: {u: {}}
+parameters: {p: {lower: 0, upper: 3, guess: 0.5}}
+dynamics: {x: u}
+cost: {lagrange: u^2/2, mayer: 0.5*(p - 2)^2}
+constraints: {point: {half: {at: 0.5, holds: x == p}, end: {at: 1, holds: x >= p}}}
+""",
+        4 / 3,
+        (0.5,),
+    ),
     "close": Case(
         """
 time: {initial: 0, final: 1}
