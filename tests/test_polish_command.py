@@ -24,7 +24,7 @@ from documents import run
 
 import quito_cli as quito
 from quito_cli import on_answer
-from quito_cli.cli.polishing import account, polish_rows
+from quito_cli.cli.polishing import account
 from quito_cli.comparison.table import called, tables
 from quito_cli.plots import comparison as comparison_plots
 from quito_cli.plots.figure import figure
@@ -34,6 +34,7 @@ from quito_cli.solution.optimal import Arc
 from quito_cli.solution.polishing import Polishing, PolishStatus, PolishStep
 from quito_cli.solution.trajectory import Polynomials
 from quito_cli.solvers.outcome import Progress, Status
+from quito_cli.summary.polishing import polish_rows
 
 Quito = Callable[..., tuple[int, str, str]]
 Array = Any

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import typer
 
 from quito_cli.cli.live import COLOURS, lines_of
-from quito_cli.cli.report import finite
 from quito_cli.cli.text import columns, plain
+from quito_cli.summary.dictionary import finite
 
 if TYPE_CHECKING:
     from quito_cli.batch.report import Report

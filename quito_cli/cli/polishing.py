@@ -1,18 +1,18 @@
-"""What a polish did, for people and for programs: a line, a page step by step, the JSON object."""
+"""What a polish did, step by step, for people."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import typer
 
-from quito_cli.cli.certificate import arc_rows, pontryagin_rows
 from quito_cli.cli.text import columns, labelled, plain
 from quito_cli.solution.polishing import Action
 from quito_cli.solution.tally import CAVEAT
+from quito_cli.summary.arcs import arc_rows, pontryagin_rows
+from quito_cli.summary.polishing import polish_rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from quito_cli.solution.solution import Solution
 
 _WIDTH = 90
-"""Of a sentence in the summary, and of one on the page."""
+"""Of a sentence."""
 _MOST_RESIDUALS = 8
 """In a line of the table of residuals."""
 _DONE: Final[dict[Action, str]] = {
@@ -48,38 +48,6 @@ _MEANING: Final[dict[Action, str]] = {
     "refuse": "what was assumed cannot be made to meet a condition",
 }
 """What the less plain of them mean."""
-
-
-def polish_rows(solution: Solution) -> list[tuple[str, str]]:
-    """Return how the polish ended, in a line where it came to an end; none where none was asked."""
-    how = solution.polishing
-    if how is None:
-        return []
-    label = "polished" if how.polished else "not polished"
-    said = _success(solution, how) if how.polished else (_failure(how),)
-    lines = [line for sentence in said for line in wrap(sentence, _WIDTH)]
-    return [(label if i == 0 else "", line) for i, line in enumerate(lines)]
-
-
-def _success(solution: Solution, how: Polishing) -> tuple[str, str]:
-    count = len(solution.switching_times)
-    figures = (
-        _counted(count, "junction"),
-        f"residual {how.residual:.0e}",
-        _counted(how.newton_steps, "Newton step"),
-        f"{how.seconds:.2g} s",
-    )
-    moved = f"{solution.cost - how.cost_before:+.1e}"
-    solved = f"Pontryagin's system solved: {', '.join(figures)}"
-    return solved, f"cost moved by {moved} from the direct answer's"
-
-
-def _failure(how: Polishing) -> str:
-    return f"{how.outcome}; the direct answer stands"
-
-
-def _counted(count: int, what: str) -> str:
-    return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
 def polish_page(solution: Solution) -> str:
@@ -141,19 +109,3 @@ def _small(value: float) -> str:
 
 def _hung(text: str) -> list[str]:
     return wrap(text, _WIDTH, initial_indent="  ", subsequent_indent="      ")
-
-
-def polishing_as_dictionary(how: Polishing | None) -> dict[str, Any] | None:
-    """Return the account of a polish; None where none was asked for."""
-    if how is None:
-        return None
-    said = {
-        "status": how.status.name.lower(),
-        "message": how.status.value,
-        "polished": how.polished,
-    }
-    return asdict(how) | said | {"steps": [_step_as_dictionary(step) for step in how.steps]}
-
-
-def _step_as_dictionary(step: PolishStep) -> dict[str, Any]:
-    return asdict(step) | {"residuals": list(step.residuals)}

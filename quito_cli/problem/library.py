@@ -1,4 +1,4 @@
-"""The bundled problems and suites: inside the package where it is installed, else beside it."""
+"""The bundled problems and suites, inside the package or else beside it, and the template."""
 
 from __future__ import annotations
 
@@ -6,6 +6,10 @@ import re
 from functools import cache
 from pathlib import Path
 
+TEMPLATE = Path(__file__).with_name("template.yaml")
+"""A commented problem that solves as it stands."""
+SCHEMA_LINE = re.compile(r"^#\s+yaml-language-server\s*:[^\r\n]*", re.MULTILINE)
+"""By which editors find the schema, from where the file stands."""
 _PACKAGE = Path(__file__).resolve().parent.parent
 _KEY = re.compile(r"^(cases|dynamics)\s*:", re.MULTILINE)
 

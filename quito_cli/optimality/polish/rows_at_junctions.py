@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from quito_cli.optimality.polish.rows import Linear, Point, none
+
+Array = NDArray[np.float64]
 
 
 def conditions(point: Point) -> Iterator[tuple[int, Linear]]:
@@ -38,7 +41,7 @@ def across(point: Point, k: int) -> Linear:
     return Linear(before + change.value - after, by_before, change.by_shared)
 
 
-def changed(point: Point, k: int, y: np.ndarray) -> Linear:
+def changed(point: Point, k: int, y: Array) -> Linear:
     """Return what y changes by at junction k."""
     layout, g, leap = point.system.layout, point.at.shared, point.system.leaps[k]
     found, n = none(layout.size, layout), layout.states
