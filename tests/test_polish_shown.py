@@ -48,8 +48,8 @@ def direct_of(text: str, steps: int = 60) -> Direct:
     return Direct(setting, solution, Look.at(setting.system, solution))
 
 
-def seen(direct: Direct, reach: float | None) -> Structure:
-    return shown(direct.setting, direct.solution, direct.impulses, reach)
+def seen(direct: Direct, reach: float | None, *, tied: bool = False) -> Structure:
+    return shown(direct.setting, direct.solution, direct.impulses, reach, tied=tied)
 
 
 @pytest.fixture(scope="module")
