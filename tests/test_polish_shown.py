@@ -118,6 +118,24 @@ def with_arcs(direct: Direct, own: float, row: float, doubt: float) -> quito.Sol
     return replace(direct.solution, extremal=replace(direct.solution.extremal, arcs=made))
 
 
+@pytest.mark.parametrize(("apart", "tied", "count"), [(1, True, 2), (1, False, 3), (4, True, 3)])
+def test_junctions_of_two_controls_may_be_one(apart: int, tied: bool, count: int) -> None:
+    """Within a tenth of a cell, 1/600 here; else u is switched first, and w after it."""
+    text = RAMP.replace("upper: 1}}", "upper: 1}, w: {lower: 0, upper: 1}}")
+    direct = direct_of(text.replace("(u - 2*t + 0.5)^2/2", "(0.4 - t)*(u + w)"))
+    at = {"u": 0.4, "w": 0.4 + apart / 1000}
+    low = [Arc(name, "lower", 0.0, t, 0.0, 0.0) for name, t in at.items()]
+    high = [Arc(name, "upper", t, 1.0, 0.0, 0.0) for name, t in at.items()]
+    arcs = (low[0], high[0], low[1], high[1])
+    assert direct.solution.extremal is not None
+    extremal = replace(direct.solution.extremal, arcs=arcs)
+    known = replace(direct, solution=replace(direct.solution, extremal=extremal))
+    found = seen(known, None, tied=tied)
+    between = (phase("upper", "lower"),) * (count - 2)
+    assert found.phases == (phase("lower", "lower"), *between, phase("upper", "upper"))
+    assert found.times == (0.0, *sorted(at.values())[: count - 1], 1.0)
+
+
 @pytest.mark.parametrize("ceiling", [0.18, 0.2, 0.22])
 def test_a_touch_is_seen_at_its_centre(ceiling: float) -> None:
     """For 1/6 < l < 1/4 there is no arc (Bryson and Ho 1975, section 3.11)."""

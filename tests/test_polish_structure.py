@@ -10,8 +10,8 @@ from polish_parts import phase, setting_of
 
 from quito_cli.optimality.polish.fault import Fault
 from quito_cli.optimality.polish.revise import dropped, revised
-from quito_cli.optimality.polish.setting import Setting
-from quito_cli.optimality.polish.structure import Phase, Structure
+from quito_cli.optimality.polish.setting import Setting, UnsupportedError
+from quito_cli.optimality.polish.structure import Held, Kind, Phase, Structure
 from quito_cli.solution.polishing import Action
 
 MANY = """\
@@ -57,7 +57,7 @@ class Case:
     phases: tuple[Phase, ...]
     times: tuple[float, ...]
     action: Action
-    touches: tuple[tuple[int, tuple[int, bool]], ...] = ()
+    touches: tuple[tuple[int, Held], ...] = ()
 
 
 LOW = phase("lower", "free", "lower")
@@ -184,3 +184,39 @@ def test_what_vanishes_beside_a_touch_leaves_the_touch_where_it_is() -> None:
     assert found == Structure((LOW, HIGH), (0, 0.5, 1), ((1, X),))
     given = replace(given, touches=((1, X),))
     assert dropped(given, 1) == Structure((LOW, HIGH), (0, 0.4, 1), ((1, X),))
+
+
+# What determines the controls of a phase
+
+ONLY_U: tuple[Kind, ...] = ("free", "upper", "lower")
+CONSISTENT = {
+    # An affine control that nothing holds is singular, a regular one is not.
+    "nothing holds it": (("free", "singular", "lower"), (), ("singular", "free", "lower"), ()),
+    "a row holds it": (("singular", "free", "lower"), (CAP,), ("free", "free", "lower"), (CAP,)),
+    "a row has nothing to hold": (("upper", "free", "lower"), (CAP,), PLAIN.kinds, ()),
+    # The cap speaks of u alone and takes it first; r is left for the other row.
+    "two rows": (("free", "free", "lower"), (V, CAP), ("free", "free", "lower"), (V, CAP)),
+    "two rows of one control": (
+        ("free", "upper", "lower"),
+        (V, CAP),
+        ("free", "upper", "lower"),
+        (CAP,),
+    ),
+    "an infinite bound": (("upper", "free", "upper"), (), ("upper", "free", "singular"), ()),
+}
+
+
+@pytest.mark.parametrize(("kinds", "held", "own", "left"), CONSISTENT.values(), ids=CONSISTENT)
+def test_every_free_control_has_what_determines_it(
+    kinds: tuple[Kind, ...], held: tuple[Held, ...], own: tuple[Kind, ...], left: tuple[Held, ...]
+) -> None:
+    assert many().consistent(phase(*kinds, held=held)) == phase(*own, held=left)
+
+
+def test_a_control_between_its_bounds_at_a_kink_is_not_polished() -> None:
+    setting = setting_of(MANY.replace("r^2 + y^2", "abs(r) + y^2"))
+    with pytest.raises(
+        UnsupportedError, match="r is between its bounds where the Hamiltonian has a kink"
+    ):
+        setting.consistent(PLAIN)
+    assert setting.consistent(HIGH) == HIGH
