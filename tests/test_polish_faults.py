@@ -202,7 +202,9 @@ WRONG = {
 
 @pytest.mark.parametrize("wrong", WRONG.values(), ids=WRONG)
 def test_a_wrong_extremal_has_exactly_its_fault(wrong: Wrong) -> None:
-    found = faults(solved(setting_of(wrong.text), wrong.structure))
+    every = faults(solved(setting_of(wrong.text), wrong.structure))
+    # That H is less elsewhere says the same again, of all controls; it has tests of its own.
+    found = [f for f in every if not f.sentence.startswith("H is less")]
     assert [f.what for f in found] == [what for what, *_ in wrong.expected]
     found.sort(key=lambda f: f.start)
     for given, (_, start, end, amount) in zip(found, wrong.expected, strict=True):

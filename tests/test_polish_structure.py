@@ -229,7 +229,7 @@ def direct_of(text: str, steps: int = 60) -> Direct:
 
 
 def seen(direct: Direct, reach: float | None) -> Structure:
-    return shown(direct.setting, direct.solution, direct.impulses, reach)
+    return shown(direct.setting, direct.solution, direct.impulses, reach, tied=False)
 
 
 @pytest.fixture(scope="module")
