@@ -196,12 +196,7 @@ CONSISTENT = {
     "a row has nothing to hold": (("upper", "free", "lower"), (CAP,), PLAIN.kinds, ()),
     # The cap speaks of u alone and takes it first; r is left for the other row.
     "two rows": (("free", "free", "lower"), (V, CAP), ("free", "free", "lower"), (V, CAP)),
-    "two rows of one control": (
-        ("free", "upper", "lower"),
-        (V, CAP),
-        ("free", "upper", "lower"),
-        (CAP,),
-    ),
+    "two rows of one control": (ONLY_U, (V, CAP), ONLY_U, (CAP,)),
     "an infinite bound": (("upper", "free", "upper"), (), ("upper", "free", "singular"), ()),
 }
 
