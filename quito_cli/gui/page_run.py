@@ -1,0 +1,185 @@
+"""The bar that runs and cancels, and the progress of a solve: figures and a small plot.
+
+Its height is the same whether something runs or not. The sentence of state is a live region for
+readers of screens; the figures that change all the time are none.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Awaitable, Callable, Sequence
+from typing import Any
+
+from nicegui import ui
+
+from quito_cli.gui.desk import Failed, Finished, Point, Running, State, Waiting
+
+_LEAST = 1e-16
+"""What an infeasibility of zero is drawn at."""
+_EVERY = 0.25
+"""Seconds between two pictures of the progress."""
+_FIGURES = ("iteration", "objective", "infeasibility", "time")
+
+
+class RunBar:
+    """Run, Cancel, what is going on."""
+
+    def __init__(self, run: Callable[[], Awaitable[None]], cancel: Callable[[], None]) -> None:
+        self._drawn = 0.0
+        with ui.element("section").classes("panel run").props('aria-label="Run"'):
+            with ui.element("div").classes("bar"):
+                self._run = ui.button("Run", on_click=run).classes("main").mark("run")
+                self._run.props('id=run aria-keyshortcuts="Control+Enter"')
+                self._cancel = ui.button("Cancel", on_click=cancel).props("flat").classes("plain")
+                self._cancel.props('id=cancel aria-keyshortcuts="Escape"').mark("cancel")
+                self._status = ui.label().props("role=status aria-live=polite").mark("status")
+            with ui.element("div").classes("progress"):
+                with ui.element("dl"):
+                    self._figures = {name: _figure(name) for name in _FIGURES}
+                self._plot = ui.echart(_progress(()), renderer="svg").mark("progress")
+                self._plot.props('role=img aria-label="Objective and infeasibility by iteration"')
+        self.rest()
+
+    def say(self, text: str, kind: str = "") -> None:
+        """Say what is going on; `kind` is good, bad or nothing."""
+        self._status.set_text(text)
+        self._status.classes(replace=f"status {kind}")
+        self._status.props(f'title="{_attribute(text)}"')
+
+    def rest(self) -> None:
+        """Nothing runs."""
+        self._run.enable()
+        self._cancel.disable()
+
+    def begin(self, said: str) -> None:
+        """Something begins."""
+        self._run.disable()
+        self._cancel.enable()
+        self.say(said)
+        self._figure({})
+        self._drawn = -math.inf
+        self._plot.options.update(_progress(()))
+
+    def show(self, state: State) -> None:
+        """Show how the job is."""
+        if isinstance(state, Waiting):
+            self.say(f"Waiting for a free worker: number {state.place} in the queue.")
+        elif isinstance(state, Running):
+            stage = state.history[-1].stage if state.history else ""
+            word = "Stopping: the iterate so far is kept." if state.stopping else "Running"
+            self.say(f"{word}{f', {stage}' if stage and not state.stopping else ''}")
+            self._follow(state.history, state.seconds)
+        elif isinstance(state, Finished | Failed):
+            self.rest()
+
+    def _follow(self, history: Sequence[Point], seconds: float) -> None:
+        figures = {"time": f"{seconds:.1f} s"}
+        if history:
+            last = history[-1]
+            figures |= {
+                "iteration": str(last.iteration),
+                "objective": f"{last.cost:.8g}",
+                "infeasibility": f"{last.violation:.1e}",
+            }
+        self._figure(figures)
+        if seconds - self._drawn >= _EVERY:
+            self.draw(history)
+            self._drawn = seconds
+
+    def _figure(self, figures: dict[str, str]) -> None:
+        for name, label in self._figures.items():
+            label.set_text(figures.get(name, "–"))
+
+    def end(self, figures: dict[str, str], history: Sequence[Point]) -> None:
+        """Leave the last figures standing."""
+        self._figure(figures)
+        if history:
+            self.draw(history)
+
+    def draw(self, history: Sequence[Point]) -> None:
+        """Draw the history."""
+        self._plot.options.update(_progress(history))
+
+
+def _figure(name: str) -> ui.label:
+    with ui.element("dt"):
+        ui.label(name)
+    with ui.element("dd"):
+        return ui.label("–").mark(name)
+
+
+def _attribute(text: str) -> str:
+    return text.replace("\\", "\\\\").replace('"', "'").replace("\n", " ")
+
+
+def _progress(history: Sequence[Point]) -> dict[str, Any]:
+    """Return the small plot: infeasibility on a scale of tens, objective on its own."""
+    series = (
+        ("infeasibility", "var(--run1)", [max(p.violation, _LEAST) for p in history], 0),
+        ("objective", "var(--run0)", [p.cost for p in history], 1),
+    )
+    axis = {"axisTick": {"show": False}, "axisLabel": _label, "axisLine": {"show": False}}
+    ends = {"min": "dataMin", "max": "dataMax"}
+    return {
+        "animation": False,
+        "grid": {"left": 46, "right": 58, "top": 20, "bottom": 18},
+        "legend": {
+            "top": -4,
+            "left": "center",
+            "itemWidth": 16,
+            "itemHeight": 2,
+            "icon": "rect",
+            "selectedMode": False,
+            "textStyle": {"color": "var(--muted)", "fontSize": 11},
+        },
+        "xAxis": axis | ends | {"type": "value", "splitLine": {"show": False}},
+        "yAxis": [
+            axis
+            | {
+                "type": "log",
+                "splitNumber": 3,
+                "splitLine": {"lineStyle": {"color": "var(--grid)"}},
+                "axisLabel": _label | {":formatter": "value => value.toExponential(0)"},
+            },
+            axis
+            | {
+                "type": "value",
+                "scale": True,
+                "splitNumber": 2,
+                "splitLine": {"show": False},
+                "axisLabel": _label | {":formatter": "value => quito.number(value)"},
+            },
+        ],
+        "series": [
+            {
+                "type": "line",
+                "name": name,
+                "color": colour,
+                "yAxisIndex": side,
+                "symbol": "none",
+                "silent": True,
+                "lineStyle": {"width": 1.6, "color": colour},
+                "data": [
+                    [p.iteration, value if math.isfinite(value) else None]
+                    for p, value in zip(_counted(history), values, strict=True)
+                ],
+            }
+            for name, colour, values, side in series
+        ],
+    }
+
+
+_label = {"color": "var(--muted)", "fontSize": 10, "hideOverlap": True}
+
+
+def _counted(history: Sequence[Point]) -> list[Point]:
+    """Return the points with iterations that go on from one solve of several to the next."""
+    from dataclasses import replace
+
+    counted, before, last = [], 0, 0
+    for point in history:
+        if point.iteration < last:
+            before += last
+        last = point.iteration
+        counted.append(replace(point, iteration=before + last))
+    return counted

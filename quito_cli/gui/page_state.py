@@ -1,0 +1,118 @@
+"""What the page keeps for each browser tab: it outlives a reload, and ends with the tab.
+
+NiceGUI makes a new client at every load of the page, but knows the tab it is in. A tab without a
+client may be reloading, or asleep; after `LINGER` seconds it is taken for closed, and its results
+and solves are dropped. Its text is in the browser too, and comes back with it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from quito_cli.gui.checking import Checker
+from quito_cli.gui.desk import Desk
+from quito_cli.gui.runs import Runs
+from quito_cli.gui.shelf import Shelf
+
+LINGER = 3600.0
+"""Seconds that what belongs to a tab is kept without it."""
+_LONGEST_NAME = 200
+
+
+@dataclass(frozen=True)
+class Draft:
+    """What is being worked on."""
+
+    name: str
+    place: str
+    """library, folder, or empty for what is of the user's own."""
+    text: str
+    chosen: Mapping[str, Any]
+    """Settings that were changed, by name."""
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """All but the text, as the browser keeps it beside the text."""
+        return {"name": self.name, "place": self.place, "chosen": dict(self.chosen)}
+
+
+def draft_of(kept: object, most: int) -> Draft | None:
+    """Return what a browser has kept; None where that is no draft, or one of an older page."""
+    if not isinstance(kept, dict):
+        return None
+    name, place, text = (kept.get(key) for key in ("name", "place", "text"))
+    chosen = kept.get("chosen")
+    if not (isinstance(name, str) and isinstance(text, str) and isinstance(place, str)):
+        return None
+    if not name or len(name) > _LONGEST_NAME or len(text) > most or not isinstance(chosen, dict):
+        return None
+    plain = {k: v for k, v in chosen.items() if isinstance(v, str | int | float | bool)}
+    return Draft(name, place, text, plain)
+
+
+@dataclass
+class Tab:
+    """What one browser tab works on."""
+
+    session: str
+    """Its name at the desk."""
+    draft: Draft | None = None
+    runs: Runs = field(default_factory=Runs)
+    count: int = 0
+    """Runs so far."""
+    asked: dict[str, Mapping[str, Any]] = field(default_factory=dict)
+    """By job that has not been shown: what it was given."""
+    shown: str | None = None
+    """The job whose answer is seen."""
+    overlaid: list[str] = field(default_factory=list)
+    """Jobs laid over it."""
+    compared: str | None = None
+    """The job of the last comparison."""
+
+
+class Tabs:
+    """The tabs of a server."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self._tabs: dict[str, Tab] = {}
+        self._clients: dict[str, set[str]] = {}
+        self._left: dict[str, float] = {}
+
+    def come(self, name: str, client: str) -> Tab:
+        """Return the tab of that name, a new one where it is not known; a client shows it."""
+        self.sweep()
+        self._left.pop(name, None)
+        self._clients.setdefault(name, set()).add(client)
+        return self._tabs.setdefault(name, Tab(name))
+
+    def go(self, name: str, client: str) -> None:
+        """Note that a client is gone: the page was left, or is loaded anew."""
+        clients = self._clients.get(name, set())
+        clients.discard(client)
+        if not clients:
+            self._left[name] = time.monotonic()
+
+    def sweep(self) -> None:
+        """Drop what belongs to tabs that have been gone for long."""
+        now = time.monotonic()
+        for name in [name for name, left in self._left.items() if now - left > LINGER]:
+            del self._left[name]
+            self._clients.pop(name, None)
+            self._tabs.pop(name, None)
+            self._desk.leave(name)
+
+
+@dataclass(frozen=True)
+class Services:
+    """What the page stands on."""
+
+    desk: Desk
+    checker: Checker
+    shelf: Shelf
+    tabs: Tabs
+    most_characters: int
+    """Of a problem's text."""
