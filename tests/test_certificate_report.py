@@ -23,7 +23,7 @@ from matplotlib.colors import to_hex
 
 import quito_cli as quito
 from quito_cli.cli import show
-from quito_cli.cli.certificate import arc_rows, certificate_page
+from quito_cli.cli.certificate import certificate_page
 from quito_cli.plots.figure import DEFAULT, figure
 from quito_cli.problem.load import load_text
 from quito_cli.solution.optimal import (
@@ -37,6 +37,7 @@ from quito_cli.solution.optimal import (
 )
 from quito_cli.solution.solution import Quantity
 from quito_cli.solution.tally import verdict
+from quito_cli.summary.arcs import arc_rows
 
 Solve = Callable[..., quito.Solution]
 Quito = Callable[..., tuple[int, str, str]]

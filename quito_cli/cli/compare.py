@@ -261,8 +261,8 @@ def _draw(found: Comparison, output: Path, picture: str) -> tuple[Path, ...]:
 
 
 def _print_json(found: Comparison, drawn: tuple[Path, ...]) -> None:
-    from quito_cli.cli.report import finite
     from quito_cli.comparison.dictionary import as_dictionary
+    from quito_cli.summary.dictionary import finite
 
     said = as_dictionary(found) | {"plots": [str(path) for path in drawn]}
     typer.echo(json.dumps(finite(said), ensure_ascii=False))

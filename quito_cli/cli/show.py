@@ -96,8 +96,9 @@ def show(
 
 
 def _show_result(path: Path, as_json: bool) -> None:
-    from quito_cli.cli.report import as_dictionary, print_solution
+    from quito_cli.cli.report import print_solution
     from quito_cli.solution.solution import Solution
+    from quito_cli.summary.dictionary import as_dictionary
 
     solution = Solution.load(path)
     if as_json:

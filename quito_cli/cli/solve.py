@@ -148,8 +148,9 @@ def solve(
 ) -> None:
     """Solve a problem: save trajectory and picture."""
     from quito_cli.cli.progress import ProgressLine
-    from quito_cli.cli.report import as_dictionary, print_solution
+    from quito_cli.cli.report import print_solution
     from quito_cli.problem.load import load, parse_settings
+    from quito_cli.summary.dictionary import as_dictionary
 
     constants = parse_settings(settings or [], "--set")
     solver_options = _solver_options(parse_settings(solver_option or [], "--solver-option"))

@@ -6,13 +6,9 @@ to solve.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import typer
-
-_DIGITS = 12
-"""Digits of a time after the point, at most."""
 
 
 def plain(text: str) -> str:
@@ -40,11 +36,3 @@ def labelled(rows: Sequence[tuple[str, str]], *, indent: str = "  ") -> str:
         f"{indent}{typer.style(label.ljust(width), dim=True)}  {plain(value)}"
         for label, value in rows
     )
-
-
-def instant(time: float, uncertainty: float) -> str:
-    """Return a time to as many digits as it is known."""
-    if not uncertainty > 0:
-        return f"{time:.10g}"
-    digits = min(max(math.ceil(-math.log10(uncertainty)), 0), _DIGITS)
-    return f"{time:.{digits}f} ± {uncertainty:.0e}"

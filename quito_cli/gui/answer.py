@@ -1,41 +1,36 @@
-"""What a finished job leaves in its folder, for the page: words, figures and curves, as JSON.
+"""What a finished job leaves in its folder for the page: words, figures and charts, as JSON.
 
     result.h5       the Solution; of a comparison our row's
-    answer.json     the rest
+    answer.json     the Answer
 
-The answer is made in the worker, so that the server reads no HDF5 and knows no CasADi.
+The answer is made in the worker, so that the server reads no HDF5 and loads no CasADi.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Literal
 
-if TYPE_CHECKING:
-    from quito_cli.comparison.comparison import Comparison
-    from quito_cli.solution.solution import Solution
+from quito_cli.errors import ResultFileError
 
 RESULT, ANSWER = "result.h5", "answer.json"
 """Files in the folder of a job."""
 
 Numbers = tuple[float | None, ...]
-"""None where a figure is not known."""
+"""None where there is none: a gap in the line."""
 
 
 @dataclass(frozen=True)
 class Line:
-    """A quantity over time; all of a chart's lines are at the chart's times."""
+    """A curve of a chart."""
 
     name: str
-    values: Numbers
-    known: Numbers | None
-    """The reference, where there is one."""
-    lower: float | None
-    """Bound; None where there is none."""
-    upper: float | None
+    """For the legend: of the quantity, of the method, or `reference`."""
+    role: Literal["answer", "reference"]
+    x: Numbers
+    y: Numbers
 
 
 @dataclass(frozen=True)
@@ -44,26 +39,46 @@ class Mark:
 
     time: float
     uncertainty: float
-    kind: str
-    """jump or bend."""
     said: str
     """`1.36674 ± 1e-05  u jumps -1 → 1`."""
 
 
 @dataclass(frozen=True)
-class Chart:
-    """A plot over time."""
+class Span:
+    """A stretch of the horizontal axis: an arc, or a jump zone of a comparison."""
 
+    start: float
+    end: float
     kind: str
-    """states, controls, costates, switching, error, spectrum."""
+    """lower, upper, interior, singular, active; or zone."""
+    said: str
+    """As a legend has it: `at lower bound`."""
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A plot."""
+
+    kind: Literal["states", "controls", "costates", "switching", "plan", "error", "spectrum"]
+    name: str
+    """Of the quantity; charts of several runs belong together where kind and name are the same."""
     label: str
     """Of the vertical axis, with the unit."""
     across: str
-    """Of the horizontal axis: t, or frequency."""
-    times: tuple[float, ...]
+    """Of the horizontal axis: t, frequency, or a coordinate of a plan."""
     lines: tuple[Line, ...]
-    marks: tuple[Mark, ...]
-    logarithmic: bool
+    bounds: tuple[float, ...] = ()
+    """Near enough to be shown."""
+    marks: tuple[Mark, ...] = ()
+    spans: tuple[Span, ...] = ()
+    logarithmic: bool = False
+    low: float | None = None
+    """Of the vertical axis, where it is not to be found from the lines."""
+    high: float | None = None
+    note: str = ""
+    """What a reader must know of the frame."""
+    outlines: tuple[tuple[Numbers, Numbers], ...] = ()
+    """Of the obstacles of a plan: x and y, closed."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +90,7 @@ class Condition:
     scale: float | None
     time: float | None
     verdict: str
-    """holds, fails, `not applicable`, ..."""
+    """holds, `holds to discretization accuracy`, fails, `not applicable`."""
     reason: str
 
 
@@ -85,29 +100,33 @@ class Table:
 
     title: str
     heads: tuple[str, ...]
-    """The first is empty: names of methods stand below it."""
+    """The first is `method`."""
     helps: tuple[str, ...]
     """What each column means; the first is empty."""
     rows: tuple[tuple[str, ...], ...]
+    """A method and its figures."""
+    published: tuple[tuple[str, ...], ...]
+    """The same of tables in print."""
 
 
 @dataclass(frozen=True)
 class Answer:
     """An answer as the page shows it."""
 
-    kind: str
-    """solve or compare."""
+    kind: Literal["solve", "compare"]
     name: str
+    """Of the problem."""
     title: str
     success: bool
+    """Of a comparison, whether all rows are solved."""
     status: str
-    """A word: solved, interrupted, infeasible, ..."""
+    """A word: solved, interrupted, infeasible, ...; of a comparison our row's."""
     said: str
     """The sentence behind it."""
     diagnosis: tuple[str, ...]
-    """Why it is no success, in words of the problem file."""
+    """Why it is no success, in the words of the problem file."""
     rows: tuple[tuple[str, str], ...]
-    """The summary of `quito solve`: label and what is said; an empty label continues the one above."""
+    """The summary of `quito solve`: labels and what is said; no label continues the row above."""
     warnings: tuple[str, ...]
     verdict: str | None
     """Of Pontryagin's conditions, in a line; None where they were not looked at."""
@@ -118,25 +137,26 @@ class Answer:
     tables: tuple[Table, ...]
     """Of a comparison."""
     notes: tuple[str, ...]
-    """Of a comparison: how it was compared."""
+    """Of a comparison: what it was held against, and how."""
     figures: Mapping[str, Any]
     """What `quito solve --json` or `quito compare --json` prints."""
 
     def save(self, folder: Path) -> None:
         """Write it into the folder of its job."""
-        (folder / ANSWER).write_text(json.dumps(asdict(self), ensure_ascii=False), "utf-8")
+        from pydantic import TypeAdapter
+
+        (folder / ANSWER).write_bytes(TypeAdapter(Answer).dump_json(self))
 
     @classmethod
     def load(cls, folder: Path) -> Answer:
-        """Read what `save` wrote."""
-        raise NotImplementedError
+        """Read what `save` wrote.
 
+        Raises:
+            ResultFileError: the run is not kept any more.
+        """
+        from pydantic import TypeAdapter
 
-def of_solution(solution: Solution) -> Answer:
-    """Return a solution as the page shows it."""
-    raise NotImplementedError
-
-
-def of_comparison(comparison: Comparison) -> Answer:
-    """Return a comparison as the page shows it."""
-    raise NotImplementedError
+        try:
+            return TypeAdapter(Answer).validate_json((folder / ANSWER).read_bytes())
+        except (OSError, ValueError):
+            raise ResultFileError("that run is not kept any more: run it again") from None

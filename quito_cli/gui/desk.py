@@ -33,9 +33,29 @@ from pathlib import Path
 from typing import cast
 
 from quito_cli.errors import UsageError
-from quito_cli.gui.job import Failed, Finished, Job, Limits, Place, Request, Running, State, Waiting
+from quito_cli.gui.job import (
+    Failed,
+    Finished,
+    Job,
+    Limits,
+    Place,
+    Request,
+    Running,
+    State,
+    Waiting,
+)
 
-__all__ = ["LIMITS", "Desk", "Failed", "Finished", "Limits", "Request", "Running", "State", "Waiting"]
+__all__ = [
+    "LIMITS",
+    "Desk",
+    "Failed",
+    "Finished",
+    "Limits",
+    "Request",
+    "Running",
+    "State",
+    "Waiting",
+]
 
 LIMITS = Limits(
     seconds=300.0, memory=4 * 10**9, characters=200_000, grace=0.8, judging=20.0, waiting=50
@@ -189,7 +209,9 @@ class Desk:
             self._give_out()
             busy = {place.connection: place for place in self._places if place.busy}
             at_work = any(place.job for place in self._places)
-            for ready in multiprocessing.connection.wait([self._bell, *busy], _TICK * at_work or None):
+            for ready in multiprocessing.connection.wait(
+                [self._bell, *busy], _TICK * at_work or None
+            ):
                 if ready is self._bell:
                     self._bell.recv_bytes()
                 else:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import threading
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -179,6 +178,7 @@ class Place:
         self._limits = limits
         self._worker = Worker(limits.memory)
         self.job: Job | None = None
+        """None where it waits, or is warming up."""
 
     @property
     def busy(self) -> bool:
@@ -203,7 +203,7 @@ class Place:
     def hear(self) -> None:
         """Take a message of the worker, which is there."""
         said, job = self._worker.receive(), self.job
-        if job is None:  # it has warmed up
+        if job is None:  # it has warmed up, or has died of it, and then its first job will tell
             return
         if isinstance(said, Told):
             if isinstance(said.message, Stopped):
@@ -218,7 +218,7 @@ class Place:
             self._raised(job, said)
         else:
             self._died(job, said)
-        self._free()
+        self._free(again=isinstance(said, Died))
 
     def watch(self) -> None:
         """Look at the clock, and at what is wanted of the job."""
@@ -235,8 +235,9 @@ class Place:
         slow = job.stopped and now - job.stopped > limits.judging
         if job.dropped or job.cancelled > 1 or silent or slow:
             self._worker.kill()
-            job.fail(_TOO_LATE[job.why or "cancelled"].format(seconds=limits.seconds), job.why)
-            self._free()
+            why = job.why or "cancelled"
+            job.fail(_TOO_LATE[why].format(seconds=limits.seconds), why)
+            self._free(again=True)
         else:
             job.tell()
 
@@ -244,11 +245,12 @@ class Place:
         """End the worker."""
         self._worker.kill()
 
-    def _free(self) -> None:
+    def _free(self, *, again: bool) -> None:
+        """Be ready for the next job, `again` with a new process."""
         if self.job is not None and self.job.dropped:
             shutil.rmtree(self.job.folder, ignore_errors=True)
         self.job = None
-        if not self._worker.alive:
+        if again:
             self.warm()
 
     def _raised(self, job: Job, said: Raised) -> None:

@@ -48,9 +48,9 @@ class Stopped:
 
 def warm_up(tell: Tell) -> None:
     """Load what every solve needs."""
-    import quito_cli.comparison.compare
+    import quito_cli.gui.answering
     import quito_cli.optimality.certificate
-    import quito_cli.plots.figure  # noqa: F401 - it is loaded, and that is all
+    import quito_cli.problem.build  # noqa: F401 - it is loaded, and that is all
 
 
 def carry_out(work: Work, tell: Tell) -> None:
@@ -59,7 +59,8 @@ def carry_out(work: Work, tell: Tell) -> None:
     Raises:
         QuitoError: the problem or an option is refused.
     """
-    from quito_cli.gui.answer import RESULT, of_comparison, of_solution
+    from quito_cli.gui.answer import RESULT
+    from quito_cli.gui.answering import of_comparison, of_solution
     from quito_cli.problem.load import load_text
     from quito_cli.solvers.interruption import interruptible
 

@@ -23,7 +23,8 @@ _KINDS: dict[Kind, tuple[str, str]] = {
     "active": ("on a constraint", "#444444"),
 }
 """Name and colour of each kind; a constraint that is not active is not drawn."""
-ARC_NAMES = tuple(name for name, _ in _KINDS.values())
+KIND_NAMES = {kind: name for kind, (name, _) in _KINDS.items()}
+ARC_NAMES = tuple(KIND_NAMES.values())
 """As a legend has them."""
 _THICK = 0.03
 """Of a bar, as a part of the plot's height: less than the margin below the curves."""

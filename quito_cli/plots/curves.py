@@ -76,9 +76,8 @@ def draw_curve(axes: Axes, curve: Curve) -> None:
             axes.plot(curve.times, line.known, "--", color=KNOWN, linewidth=1.2, label="reference")
     _mark(axes, curve.marks)
     low, high = _range(curve)
-    for bound in sorted({b for line in curve.lines for b in (line.lower, line.upper)}):
-        if low - _reach(curve, low, high) <= bound <= high + _reach(curve, low, high):
-            axes.axhline(bound, color=BOUND, linewidth=0.9, linestyle=":", label="bound")
+    for bound in near_bounds(curve):
+        axes.axhline(bound, color=BOUND, linewidth=0.9, linestyle=":", label="bound")
     reach = max(_NEAR * (high - low), (curve.least - (high - low)) / 2)
     if curve.zero and low - reach <= 0 <= high + reach:
         axes.axhline(0, color=BOUND, linewidth=0.9, zorder=1)
@@ -113,6 +112,14 @@ def _range(curve: Curve) -> tuple[float, float]:
     values = np.concatenate([line.values for line in curve.lines])
     finite = values[np.isfinite(values)]
     return (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
+
+
+def near_bounds(curve: Curve) -> list[float]:
+    """Return the bounds that are near enough to be drawn, sorted."""
+    low, high = _range(curve)
+    reach = _reach(curve, low, high)
+    bounds = {b for line in curve.lines for b in (line.lower, line.upper)}
+    return sorted(b for b in bounds if low - reach <= b <= high + reach)
 
 
 def _reach(curve: Curve, low: float, high: float) -> float:

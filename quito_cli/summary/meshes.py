@@ -7,7 +7,7 @@ from dataclasses import asdict
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from quito_cli.cli.text import columns, instant
+from quito_cli.summary.times import instant
 
 if TYPE_CHECKING:
     from quito_cli.solution.junctions import Junction
@@ -31,7 +31,7 @@ _WIDTH = 90
 def junction_rows(solution: Solution, most: int = _MOST_JUNCTIONS) -> list[tuple[str, str]]:
     """Return a line for each jump and kink."""
     found = solution.junctions
-    shown = [_junction(solution, junction) for junction in found[:most]]
+    shown = [said_of(solution, junction) for junction in found[:most]]
     if len(found) > most:
         shown.append(f"and {len(found) - most} more")
     return _under("switching times", shown)
@@ -41,7 +41,8 @@ def _under(label: str, lines: list[str]) -> list[tuple[str, str]]:
     return [(label if i == 0 else "", line) for i, line in enumerate(lines)]
 
 
-def _junction(solution: Solution, junction: Junction) -> str:
+def said_of(solution: Solution, junction: Junction) -> str:
+    """Return when a jump or kink is, and of what from where to where."""
     name = solution.origin.controls[junction.control].name
     size = max(abs(junction.before), abs(junction.after))
     before, after = _rounded(junction.before, size), _rounded(junction.after, size)
@@ -108,10 +109,9 @@ def _error(solution: Solution, account: Account | None) -> list[tuple[str, str]]
     return _under(label, lines)
 
 
-def rounds_table(how: Refinement) -> str:
-    """Return a line for each mesh."""
-    rows = [_round(i, one, i == how.kept) for i, one in enumerate(how.rounds)]
-    return columns([_HEADS, *rows], header=True)
+def round_rows(how: Refinement) -> list[tuple[str, ...]]:
+    """Return a head, and a row for each mesh."""
+    return [_HEADS, *(_round(i, one, i == how.kept) for i, one in enumerate(how.rounds))]
 
 
 def _round(i: int, one: Round, kept: bool) -> tuple[str, ...]:

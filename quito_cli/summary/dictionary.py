@@ -1,0 +1,80 @@
+"""Solution -> what `--json` prints."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from quito_cli.summary.arcs import arcs_as_list, certificate_as_list
+from quito_cli.summary.meshes import junctions_as_list, refinement_as_dictionary
+
+if TYPE_CHECKING:
+    from quito_cli.solution.solution import Solution
+
+
+def as_dictionary(solution: Solution, result: Path | None, plot: Path | None) -> dict[str, Any]:
+    """Return what `--json` prints; figures that are not finite become null."""
+    evidence, statistics = solution.evidence, solution.statistics
+    names = [quantity.name for quantity in solution.origin.controls]
+    answer: dict[str, Any] = {
+        "problem": solution.origin.name,
+        "status": solution.status.name.lower(),
+        "message": solution.status.value,
+        "success": solution.success,
+        "cost": solution.cost,
+        "reference_cost": solution.reference.cost if solution.reference else None,
+        "solver": statistics.solver,
+        "solver_said": statistics.solver_said,
+        "program": statistics.program,
+        "iterations": statistics.iterations,
+        "steps": solution.options["steps"],
+        "build_seconds": statistics.build_seconds,
+        "solve_seconds": statistics.solve_seconds,
+        "stationarity": evidence.stationarity,
+        "feasibility": evidence.feasibility,
+        "complementarity": evidence.complementarity,
+        "maximum_violation": evidence.maximum_violation,
+        "violations": [
+            {"constraint": v.constraint, "time": v.time, "amount": v.amount}
+            for v in evidence.violations
+            if v.amount > 0
+        ],
+        "resimulated_cost": evidence.resimulated_cost,
+        "resimulation_gap": evidence.resimulation_gap,
+        "terminal_gap": evidence.terminal_gap,
+        "parameters": dict(
+            zip(
+                [quantity.name for quantity in solution.origin.parameters],
+                [float(value) for value in solution.parameters],
+                strict=True,
+            )
+        ),
+        "initial_time": float(solution.times[0]),
+        "final_time": float(solution.times[-1]),
+        "total_variation": dict(zip(names, evidence.total_variation, strict=True)),
+        "ringing": dict(zip(names, evidence.ringing, strict=True)),
+        "switching_times": list(solution.switching_times),
+        "junctions": junctions_as_list(solution),
+        "refinement": refinement_as_dictionary(solution.refinement),
+        "arcs": arcs_as_list(solution),
+        "certificate": certificate_as_list(solution),
+        "warnings": list(solution.warnings),
+        "diagnosis": list(evidence.diagnosis),
+        "set": dict(solution.origin.changes),
+        "options": dict(solution.options),
+        "hdf5": None if result is None else str(result),
+        "plot": None if plot is None else str(plot),
+    }
+    return {key: finite(value) for key, value in answer.items()}
+
+
+def finite(value: Any) -> Any:
+    """Return a value for JSON, which knows no infinity: null in its place, and in that of NaN."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: finite(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [finite(entry) for entry in value]
+    return value
