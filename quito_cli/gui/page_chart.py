@@ -1,4 +1,4 @@
-"""Charts of answers -> options of ECharts: panels below one another over one axis of time.
+"""Charts of answers -> options of ECharts: panels below one another over one axis.
 
 A panel is a grid of the picture. All panels share hover and zoom; the vertical axis follows what is
 seen of the horizontal one. Colours are CSS variables, which SVG takes as they are, so that light
@@ -14,12 +14,20 @@ from typing import Any
 
 from quito_cli.gui.answer import Answer, Chart, Line, Numbers
 
-PANEL, GAP, TOP, BOTTOM = 138, 34, 26, 34
-"""Heights in pixels: of a panel, of the room between two, above the first, below the last."""
+PANEL, PLAN = 138, 420
+"""Heights in pixels, of a panel over time and of a plan."""
+_GAP, _TOP, _BOTTOM = 36, 26, 36
+"""Room between two panels, above the first, below the last."""
 COLOURS = tuple(f"var(--run{i})" for i in range(6))
 KNOWN, BOUND, MARK = "var(--known)", "var(--bound)", "var(--mark)"
-_NEAR, _FAR = 0.6, 2.0
-"""Bounds further than this many spans of a state, or sizes of a control, are not drawn."""
+_SHADES = {
+    "lower": "var(--arc-bound)",
+    "upper": "var(--arc-bound)",
+    "singular": "var(--arc-singular)",
+    "active": "var(--arc-active)",
+    "zone": "var(--arc-bound)",
+}
+"""Of the stretches that are shaded; interior arcs are what is left."""
 _BOUND_POINTS = 60
 _MOST_POINTS = 700
 """Of a line: about the pixels that it has."""
@@ -31,8 +39,8 @@ class Entry:
 
     name: str
     colour: str
-    dashes: str
-    """solid, dashed or dotted."""
+    style: str
+    """solid, dashed, dotted, or shade."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +53,8 @@ class Picture:
     legend: tuple[Entry, ...]
     said: str
     """For who cannot see it."""
+    notes: tuple[str, ...]
+    """What a reader must know of the frames."""
 
 
 def picture(
@@ -54,31 +64,39 @@ def picture(
 
     Args:
         answer: the one whose panels are shown.
-        kinds: of the charts wanted, in their order.
-        overlays: other answers, with their labels; their lines of the same names are drawn.
+        kinds: of the charts wanted, in their order; a plan stands alone.
+        overlays: other answers, with their labels; charts of the same kind and name are drawn.
         known: whether the reference is drawn where there is one.
     """
     wanted = [chart for kind in kinds for chart in answer.charts if chart.kind == kind]
     if not wanted:
         return None
     panels = [_Panel(i, chart, overlays, known) for i, chart in enumerate(wanted)]
-    legend: dict[str, Entry] = {}
-    for panel in panels:
-        for entry in panel.legend():
-            legend.setdefault(entry.name, entry)
-    count = len(panels)
-    last = count - 1
+    count, last = len(panels), len(panels) - 1
+    each = PLAN if wanted[0].kind == "plan" else PANEL
+    entries = {entry.name: entry for panel in panels for entry in panel.legend()}
     options = {
         "animation": False,
         "grid": [
-            {"left": 64, "right": 14, "top": TOP + i * (PANEL + GAP), "height": PANEL}
+            {"left": 66, "right": 16, "top": _TOP + i * (each + _GAP), "height": each}
             for i in range(count)
         ],
-        "xAxis": [panel.across(i == last) for i, panel in enumerate(panels)],
+        "xAxis": [panel.across(i == last or each == PLAN) for i, panel in enumerate(panels)],
         "yAxis": [panel.upright() for panel in panels],
         "series": [line for panel in panels for line in panel.series()],
-        "axisPointer": {"link": [{"xAxisIndex": "all"}]},
-        "tooltip": _tooltip(),
+        "tooltip": _tooltip("axis" if each == PANEL else "none"),
+        "textStyle": {"fontFamily": "inherit"},
+    }
+    if each == PANEL:
+        options |= {"axisPointer": {"link": [{"xAxisIndex": "all"}]}} | _zoom(count)
+    height = _TOP + count * (each + _GAP) - _GAP + _BOTTOM
+    notes = tuple(dict.fromkeys(chart.note for chart in wanted if chart.note))
+    return Picture(options, height, tuple(entries.values()), _said(wanted), notes)
+
+
+def _zoom(count: int) -> dict[str, Any]:
+    """Return zooming: a band drawn with the pointer, Ctrl and wheel, or the page's buttons."""
+    return {
         "dataZoom": [
             {
                 "type": "inside",
@@ -91,20 +109,19 @@ def picture(
         ],
         "toolbox": {
             "itemSize": 0,
-            "feature": {"dataZoom": {"yAxisIndex": "none", "brushStyle": _BRUSH}},
+            "feature": {
+                "dataZoom": {
+                    "yAxisIndex": "none",
+                    "brushStyle": {"color": "rgba(90,150,210,0.25)", "borderWidth": 0},
+                }
+            },
         },
-        "textStyle": {"fontFamily": "inherit"},
     }
-    height = TOP + count * (PANEL + GAP) - GAP + BOTTOM
-    return Picture(options, height, tuple(legend.values()), _said(wanted))
 
 
-_BRUSH = {"color": "rgba(90,150,210,0.25)", "borderWidth": 0}
-
-
-def _tooltip() -> dict[str, Any]:
+def _tooltip(trigger: str) -> dict[str, Any]:
     return {
-        "trigger": "axis",
+        "trigger": trigger,
         ":formatter": "points => quito.hover(points)",
         "confine": True,
         "backgroundColor": "var(--panel)",
@@ -121,12 +138,8 @@ def _said(charts: Sequence[Chart]) -> str:
     parts = []
     for chart in charts:
         for line in chart.lines:
-            values = [value for value in line.values if value is not None]
-            if values:
-                parts.append(
-                    f"{line.name} from {values[0]:.4g} to {values[-1]:.4g}, "
-                    f"between {min(values):.4g} and {max(values):.4g}"
-                )
+            low, high = _span(line.y)
+            parts.append(f"{chart.name}, {line.name}: between {low:.4g} and {high:.4g}")
         parts += [mark.said for mark in chart.marks]
     return "; ".join(parts) + "."
 
@@ -142,18 +155,17 @@ class _Panel:
 
     def across(self, last: bool) -> dict[str, Any]:
         """Return the horizontal axis; numbers stand at the lowest panel alone."""
-        numbers = {"show": last, "color": "var(--muted)", "fontSize": 11, "hideOverlap": True}
-        return _axis() | {
+        low, high = _span(value for line in self.chart.lines for value in line.x)
+        axis = _axis() | {
             "gridIndex": self.index,
             "type": "value",
-            "min": self.chart.times[0],
-            "max": self.chart.times[-1],
-            "axisLabel": numbers | {":formatter": "value => quito.number(value)"},
+            "axisLabel": _label() | {"show": last},
             "name": self.chart.across if last else "",
             "nameLocation": "middle",
-            "nameGap": 20,
+            "nameGap": 22,
             "axisLine": {"onZero": False, "lineStyle": {"color": "var(--line-strong)"}},
         }
+        return axis | ({"scale": True} if self.chart.kind == "plan" else {"min": low, "max": high})
 
     def upright(self) -> dict[str, Any]:
         """Return the vertical axis."""
@@ -165,15 +177,13 @@ class _Panel:
             "name": self.chart.label,
             "nameLocation": "end",
             "nameGap": 6,
-            "axisLabel": {
-                "color": "var(--muted)",
-                "fontSize": 11,
-                ":formatter": "value => quito.number(value)",
-            },
+            "axisLabel": _label(),
         }
+        if self.chart.low is not None and self.chart.high is not None:
+            return axis | {"min": self.chart.low, "max": self.chart.high}
         if self.chart.logarithmic:
             return axis
-        low, high = _span(value for line in self.chart.lines for value in line.values)
+        low, high = _span(value for line in self.chart.lines for value in line.y)
         if high - low <= 1e-9 * max(abs(low), abs(high), 1.0):  # rounding is no shape
             room = 0.5 * max(abs(low), 1.0)
             return axis | {"min": low - room, "max": high + room}
@@ -181,14 +191,51 @@ class _Panel:
 
     def series(self) -> list[dict[str, Any]]:
         """Return the lines, those of other answers and the reference beneath."""
-        drawn = [*self._bounds(), *self._others()]
-        for i, line in enumerate(self.chart.lines):
-            if self.known and line.known is not None:
-                drawn.append(self._line(f"{line.name}, reference", line.known, KNOWN, "dashed", 5))
-            colour = COLOURS[i % len(COLOURS)]
-            drawn.append(self._line(line.name, line.values, colour, "solid", 4))
+        drawn = [*self._outlines(), *self._bounds(), *self._others()]
+        for line, colour in self._coloured():
+            name = f"{line.name}, reference" if line.role == "reference" else line.name
+            style = "dashed" if line.role == "reference" else "solid"
+            drawn.append(self._line(name, line, colour, style, 5 if style == "dashed" else 4))
+        if drawn:
+            drawn[-1] |= self._marks()
+        return drawn
+
+    def _coloured(self) -> list[tuple[Line, str]]:
+        """Return the lines to be drawn, each with its colour."""
+        answers = [line for line in self.chart.lines if line.role == "answer"]
+        found = [(line, COLOURS[i % len(COLOURS)]) for i, line in enumerate(answers)]
+        if self.known:
+            found += [(line, KNOWN) for line in self.chart.lines if line.role == "reference"]
+        return found
+
+    def legend(self) -> list[Entry]:
+        """Return what the lines are."""
+        answers = [pair for pair in self._coloured() if pair[0].role == "answer"]
+        found = []
+        if len(answers) > 1:
+            found += [Entry(line.name, colour, "solid") for line, colour in answers]
+        elif self.overlays:
+            found.append(Entry("this run", COLOURS[0], "solid"))
+        for i, (label, _) in enumerate(self.overlays, 1):
+            found.append(Entry(label, COLOURS[i % len(COLOURS)], "solid"))
+        if len(self._coloured()) > len(answers):
+            found.append(Entry("reference", KNOWN, "dashed"))
+        if self.chart.bounds:
+            found.append(Entry("bound", BOUND, "dotted"))
         if self.chart.marks:
-            drawn[-1]["markLine"] = {
+            found.append(Entry("switching time", MARK, "dotted"))
+        found += [
+            Entry(span.said, _SHADES[span.kind], "shade")
+            for span in self.chart.spans
+            if span.kind in _SHADES
+        ]
+        return found
+
+    def _marks(self) -> dict[str, Any]:
+        """Return switching times, and shades of arcs."""
+        found: dict[str, Any] = {}
+        if self.chart.marks:
+            found["markLine"] = {
                 "symbol": "none",
                 "silent": True,
                 "animation": False,
@@ -196,69 +243,59 @@ class _Panel:
                 "lineStyle": {"color": MARK, "type": "dotted", "width": 1.4},
                 "data": [{"xAxis": mark.time, "name": mark.said} for mark in self.chart.marks],
             }
-        return drawn
-
-    def legend(self) -> list[Entry]:
-        """Return what the lines are."""
-        names = [line.name for line in self.chart.lines]
-        found = []
-        if len(names) > 1:
-            found += [Entry(n, COLOURS[i % len(COLOURS)], "solid") for i, n in enumerate(names)]
-        elif self.overlays:
-            found.append(Entry("this run", COLOURS[0], "solid"))
-        for i, (label, _) in enumerate(self.overlays, 1):
-            found.append(Entry(label, COLOURS[i % len(COLOURS)], "solid"))
-        if self.known and any(line.known is not None for line in self.chart.lines):
-            found.append(Entry("reference", KNOWN, "dashed"))
-        if self._limits():
-            found.append(Entry("bound", BOUND, "dotted"))
-        if self.chart.marks:
-            found.append(Entry("switching time", MARK, "dotted"))
+        spans = [span for span in self.chart.spans if span.kind in _SHADES]
+        if spans:
+            found["markArea"] = {
+                "silent": True,
+                "animation": False,
+                "data": [
+                    [
+                        {"xAxis": span.start, "itemStyle": {"color": _SHADES[span.kind]}},
+                        {"xAxis": span.end},
+                    ]
+                    for span in spans
+                ],
+            }
         return found
 
-    def _limits(self) -> list[float]:
-        """Return the bounds that are near enough to be drawn."""
-        low, high = _span(value for line in self.chart.lines for value in line.values)
-        reach = _NEAR * (high - low)
-        if self.chart.kind == "controls":
-            reach = _FAR * max(high - low, abs(low), abs(high))
-        bounds = {b for line in self.chart.lines for b in (line.lower, line.upper)}
-        return sorted(b for b in bounds if b is not None and low - reach <= b <= high + reach)
-
     def _bounds(self) -> list[dict[str, Any]]:
-        first, last = self.chart.times[0], self.chart.times[-1]
+        first, last = _span(value for line in self.chart.lines for value in line.x)
         places = [first + (last - first) * i / (_BOUND_POINTS - 1) for i in range(_BOUND_POINTS)]
         return [
             self._series(f"~bound {bound:g}", [[t, bound] for t in places], BOUND, "dotted", 2)
-            for bound in self._limits()
+            for bound in self.chart.bounds
+        ]
+
+    def _outlines(self) -> list[dict[str, Any]]:
+        """Return the obstacles of a plan."""
+        return [
+            self._series("~obstacle", _points(x, y), BOUND, "solid", 1)
+            | {"areaStyle": {"color": "var(--arc-bound)"}}
+            for x, y in self.chart.outlines
         ]
 
     def _others(self) -> list[dict[str, Any]]:
-        """Return the lines of the same names in the other answers."""
-        names = {line.name for line in self.chart.lines}
+        """Return the lines of the other answers in charts of the same name."""
         drawn = []
         for i, (label, answer) in enumerate(self.overlays, 1):
+            colour = COLOURS[i % len(COLOURS)]
             for chart in answer.charts:
-                if chart.kind != self.chart.kind:
-                    continue
-                for line in chart.lines:
-                    if line.name in names:
-                        points = _points(chart.times, line.values)
-                        colour = COLOURS[i % len(COLOURS)]
-                        name = f"{line.name}, {label}"
-                        drawn.append(self._series(name, points, colour, "solid", 3))
+                if (chart.kind, chart.name) == (self.chart.kind, self.chart.name):
+                    drawn += [
+                        self._line(f"{line.name}, {label}", line, colour, "solid", 3)
+                        for line in chart.lines
+                        if line.role == "answer"
+                    ]
         return drawn
 
-    def _line(
-        self, name: str, values: Numbers, colour: str, dashes: str, height: int
-    ) -> dict[str, Any]:
-        points = _points(self.chart.times, values)
-        return self._series(name, points, colour, dashes, height)
+    def _line(self, name: str, line: Line, colour: str, style: str, height: int) -> dict[str, Any]:
+        points = _points(line.x, line.y)
+        return self._series(name, points, colour, style, height)
 
     def _series(
-        self, name: str, points: list[list[float | None]], colour: str, dashes: str, height: int
+        self, name: str, points: list[list[float | None]], colour: str, style: str, height: int
     ) -> dict[str, Any]:
-        width = {"solid": 1.8, "dashed": 1.4, "dotted": 1.1}[dashes]
+        width = {"solid": 1.8, "dashed": 1.4, "dotted": 1.1}[style]
         return {
             "type": "line",
             "name": name,
@@ -269,16 +306,17 @@ class _Panel:
             "silent": True,
             "z": height,
             "color": colour,
-            "lineStyle": {"color": colour, "type": dashes, "width": width},
+            "lineStyle": {"color": colour, "type": style, "width": width},
             "emphasis": {"disabled": True},
         }
 
 
 def _axis() -> dict[str, Any]:
+    name = {"color": "var(--ink)", "fontSize": 12, "fontWeight": 600, "align": "left"}
     return {
         "splitLine": {"lineStyle": {"color": "var(--grid)"}},
         "axisTick": {"show": False},
-        "nameTextStyle": {"color": "var(--ink)", "fontSize": 12, "fontWeight": 600, "align": "left"},
+        "nameTextStyle": name,
         "axisPointer": {
             "lineStyle": {"color": "var(--line-strong)", "type": "solid"},
             "label": {"show": False},
@@ -287,26 +325,27 @@ def _axis() -> dict[str, Any]:
     }
 
 
+def _label() -> dict[str, Any]:
+    look = {"color": "var(--muted)", "fontSize": 11, "hideOverlap": True}
+    return look | {":formatter": "value => quito.number(value)"}
+
+
 def _span(values: Iterable[float | None]) -> tuple[float, float]:
     known = [value for value in values if value is not None and math.isfinite(value)]
     return (min(known), max(known)) if known else (0.0, 1.0)
 
 
-def _points(times: Sequence[float], values: Numbers) -> list[list[float | None]]:
+def _points(x: Numbers, y: Numbers) -> list[list[float | None]]:
     """Return the points of a line: of each group of neighbours the least and the largest."""
-    size = -(-2 * len(times) // _MOST_POINTS)
+    size = -(-2 * len(x) // _MOST_POINTS)
     if size <= 2:
-        return [[t, _short(v)] for t, v in zip(times, values, strict=True)]
-    kept = {0, len(times) - 1}
-    for start in range(0, len(times), size):
-        group = range(start, min(start + size, len(times)))
-        known = [i for i in group if values[i] is not None]
-        if known:
-            kept.add(min(known, key=lambda i: values[i] or 0.0))
-            kept.add(max(known, key=lambda i: values[i] or 0.0))
-        else:
-            kept.add(start)
-    return [[times[i], _short(values[i])] for i in sorted(kept)]
+        return [[a, _short(b)] for a, b in zip(x, y, strict=True)]
+    kept = {0, len(x) - 1}
+    for start in range(0, len(x), size):
+        group = range(start, min(start + size, len(x)))
+        known = [(value, i) for i in group if (value := y[i]) is not None]
+        kept |= {min(known)[1], max(known)[1]} if known else {start}
+    return [[x[i], _short(y[i])] for i in sorted(kept)]
 
 
 def _short(value: float | None) -> float | None:

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from nicegui import ui
 
-from quito_cli.gui.desk import Failed, Finished, Point, Running, State, Waiting
+from quito_cli.gui.job import Failed, Finished, Running, State, Waiting
+from quito_cli.gui.work import Iterated
 
 _LEAST = 1e-16
 """What an infeasibility of zero is drawn at."""
@@ -72,7 +74,7 @@ class RunBar:
         elif isinstance(state, Finished | Failed):
             self.rest()
 
-    def _follow(self, history: Sequence[Point], seconds: float) -> None:
+    def _follow(self, history: Sequence[Iterated], seconds: float) -> None:
         figures = {"time": f"{seconds:.1f} s"}
         if history:
             last = history[-1]
@@ -90,13 +92,13 @@ class RunBar:
         for name, label in self._figures.items():
             label.set_text(figures.get(name, "–"))
 
-    def end(self, figures: dict[str, str], history: Sequence[Point]) -> None:
+    def end(self, figures: dict[str, str], history: Sequence[Iterated]) -> None:
         """Leave the last figures standing."""
         self._figure(figures)
         if history:
             self.draw(history)
 
-    def draw(self, history: Sequence[Point]) -> None:
+    def draw(self, history: Sequence[Iterated]) -> None:
         """Draw the history."""
         self._plot.options.update(_progress(history))
 
@@ -112,7 +114,7 @@ def _attribute(text: str) -> str:
     return text.replace("\\", "\\\\").replace('"', "'").replace("\n", " ")
 
 
-def _progress(history: Sequence[Point]) -> dict[str, Any]:
+def _progress(history: Sequence[Iterated]) -> dict[str, Any]:
     """Return the small plot: infeasibility on a scale of tens, objective on its own."""
     series = (
         ("infeasibility", "var(--run1)", [max(p.violation, _LEAST) for p in history], 0),
@@ -172,11 +174,10 @@ def _progress(history: Sequence[Point]) -> dict[str, Any]:
 _label = {"color": "var(--muted)", "fontSize": 10, "hideOverlap": True}
 
 
-def _counted(history: Sequence[Point]) -> list[Point]:
+def _counted(history: Sequence[Iterated]) -> list[Iterated]:
     """Return the points with iterations that go on from one solve of several to the next."""
-    from dataclasses import replace
-
-    counted, before, last = [], 0, 0
+    counted: list[Iterated] = []
+    before = last = 0
     for point in history:
         if point.iteration < last:
             before += last

@@ -25,7 +25,7 @@ class RunsTable:
     def fill(self, tab: Tab) -> None:
         """Write the table anew."""
         heads, rows = tab.runs.table()
-        jobs = tab.runs.jobs
+        jobs = list(tab.kept)
         self._place.clear()
         with self._place:
             if not jobs:

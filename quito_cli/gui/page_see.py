@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Callable, Sequence
 from html import escape
 
 from nicegui import run, ui
@@ -190,5 +190,3 @@ def _class(row: Condition) -> str:
 def _figure(value: float | None, form: str) -> str:
     return "–" if value is None else format(value, form)
 
-
-Shown = Callable[[str], Awaitable[None]]

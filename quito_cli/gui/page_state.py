@@ -14,7 +14,8 @@ from typing import Any
 
 from quito_cli.gui.checking import Checker
 from quito_cli.gui.desk import Desk
-from quito_cli.gui.runs import Runs
+from quito_cli.gui.job import Request
+from quito_cli.gui.runs import Run, Runs
 from quito_cli.gui.shelf import Shelf
 
 LINGER = 3600.0
@@ -60,11 +61,15 @@ class Tab:
     session: str
     """Its name at the desk."""
     draft: Draft | None = None
+    put_aside: Draft | None = None
+    """What was being edited before another problem was opened."""
     runs: Runs = field(default_factory=Runs)
+    kept: dict[str, Run] = field(default_factory=dict)
+    """The runs by job, in the order of the table."""
     count: int = 0
     """Runs so far."""
-    asked: dict[str, Mapping[str, Any]] = field(default_factory=dict)
-    """By job that has not been shown: what it was given."""
+    asked: tuple[str, Request] | None = None
+    """The job that was submitted last, until its end has been seen; and what was asked for."""
     shown: str | None = None
     """The job whose answer is seen."""
     overlaid: list[str] = field(default_factory=list)

@@ -1,0 +1,352 @@
+"""The page itself: its parts side by side, and what passes between them.
+
+Everything stands there before the browser is heard of, so that it is seen at once; then the tab is
+known, its draft and its results come back, and a solve that is under way is followed again.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from nicegui import Client, background_tasks, run, ui
+
+from quito_cli import __version__
+from quito_cli.errors import QuitoError
+from quito_cli.gui.answer import RESULT, Answer
+from quito_cli.gui.job import Failed, Finished, Request, Running
+from quito_cli.gui.page_choose import Choose
+from quito_cli.gui.page_compare import Compare
+from quito_cli.gui.page_edit import Edit
+from quito_cli.gui.page_run import RunBar
+from quito_cli.gui.page_runs import RunsTable
+from quito_cli.gui.page_see import Plots, Verdict, certificate, summary
+from quito_cli.gui.page_set import Form
+from quito_cli.gui.page_state import Draft, Services, Tab, draft_of
+from quito_cli.gui.runs import MOST_RUNS, Run
+from quito_cli.gui.work import Iterated
+
+FIRST = "alychan"
+"""What a tab begins with."""
+_HERE = Path(__file__).parent
+_DEBOUNCE = 0.35
+"""Seconds without typing after which a text is looked at."""
+_WHERE = """(() => ({draft: quito.draft(), dark: Quasar.Dark.isActive}))()"""
+
+
+async def page(services: Services) -> None:
+    """Make the page for a client, and bring back what its tab works on."""
+    client = ui.context.client
+    ui.add_head_html(f"<style>{(_HERE / 'page.css').read_text('utf-8')}</style>")
+    ui.add_head_html(f"<script>{(_HERE / 'page.js').read_text('utf-8')}</script>")
+    view = View(services, client)
+    await client.connected(timeout=30.0)
+    if client.tab_id is None:
+        return
+    tab = services.tabs.come(client.tab_id, client.id)
+    client.on_delete(lambda: services.tabs.go(tab.session, client.id))
+    await view.begin(tab)
+
+
+class View:
+    """The page of one client."""
+
+    def __init__(self, services: Services, client: Client) -> None:
+        self._services, self._client = services, client
+        self._tab = Tab("")
+        self._checking: asyncio.Task[None] | None = None
+        self._history: tuple[Iterated, ...] = ()
+        ui.html("Skip to the editor", tag="a").classes("skip").props('href="#editor"')
+        self._top()
+        with ui.element("main").classes("desk"):
+            with ui.element("div").classes("left"):
+                shelf, most = services.shelf, services.most_characters
+                self._choose = Choose(shelf, most, self._open, self._draft, self._say)
+                self._edit = Edit(self._typed)
+                self._edit.editor.props("id=editor")
+                self._form = Form(self._set)
+            with ui.element("div").classes("right"):
+                self._bar = RunBar(self._solve, self._cancel)
+                with ui.element("section").classes("panel see").props('aria-label="Results"'):
+                    self._verdict = Verdict(self._say, self._taken)
+                    self._tabs()
+
+    def _top(self) -> None:
+        with ui.element("header").classes("top"):
+            ui.html("quito", tag="h1")
+            ui.label("constrained optimal control, solved by clicking").classes("what")
+            ui.html("<kbd>Ctrl</kbd> <kbd>Enter</kbd> runs, <kbd>Esc</kbd> cancels").classes("keys")
+            mode = ui.dark_mode(None)
+            colours: dict[bool | None, str] = {None: "Auto", False: "Light", True: "Dark"}
+            words = {word: value for value, word in colours.items()}
+            choice = ui.select(list(words), value="Auto", label="Colours").mark("colours")
+            choice.props("outlined dense options-dense").style("width: 104px")
+            choice.on_value_change(lambda event: mode.set_value(words[str(event.value)]))
+            ui.on("quito-dark", lambda event: self._edit.darken(bool(event.args)))
+
+    def _tabs(self) -> None:
+        names = ("Plots", "Summary", "Certificate", "Compare", "Runs")
+        with ui.tabs(value="Plots").props("dense no-caps align=left inline-label") as tabs:
+            for name in names:
+                ui.tab(name).mark(f"tab-{name.lower()}")
+        self._chosen_tab = tabs
+        with (
+            ui.element("div").classes("scroll"),
+            ui.tab_panels(tabs, animated=False, keep_alive=True),
+        ):
+            with ui.tab_panel("Plots"):
+                self._plots = Plots()
+            with ui.tab_panel("Summary"):
+                self._summary = ui.html(summary(None)).mark("summary")
+            with ui.tab_panel("Certificate"):
+                self._certificate = ui.html(certificate(None)).mark("certificate")
+            with ui.tab_panel("Compare"):
+                self._compare = Compare(self._hold_against)
+            with ui.tab_panel("Runs"):
+                self._runs = RunsTable(self._show, self._lay, self._remove)
+
+    # Coming back, and what is being worked on.
+
+    async def begin(self, tab: Tab) -> None:
+        """Bring back what the tab works on."""
+        self._tab = tab
+        known = await ui.run_javascript(_WHERE, timeout=10.0)
+        kept, dark = (known or {}).get("draft"), (known or {}).get("dark")
+        self._edit.darken(bool(dark))
+        draft = draft_of(kept, self._services.most_characters) or tab.draft
+        if draft is None:
+            text = self._services.shelf.read("library", FIRST)
+            draft = Draft(FIRST, "library", text, {})
+        await self._take_up(draft)
+        ui.run_javascript("quito.restored()")
+        self._runs.fill(tab)
+        if tab.shown is not None:
+            await self._show(tab.shown)
+        if tab.compared is not None:
+            await self._show_comparison(tab.compared)
+        if tab.asked is not None:
+            self._follow()
+
+    def _draft(self) -> Draft:
+        assert self._tab.draft is not None
+        return self._tab.draft
+
+    async def _open(self, draft: Draft) -> None:
+        """Open another problem; the text before it can be brought back."""
+        await self._take_up(draft)
+
+    async def _take_up(self, draft: Draft) -> None:
+        self._tab.draft = draft
+        self._choose.show(draft)
+        self._edit.show(draft.name, draft.text)
+        self._form.begin(draft.name, draft.chosen)
+        self._keep()
+        await self._check(draft.text)
+
+    def _keep(self) -> None:
+        """Tell the browser what stands beside the text, for the draft it keeps."""
+        from json import dumps
+
+        ui.run_javascript(f"quito.keep({dumps(self._draft().about)})")
+
+    def _typed(self, text: str) -> None:
+        if self._tab.draft is None or text == self._tab.draft.text:
+            return
+        self._tab.draft = replace(self._tab.draft, text=text)
+        if self._checking is not None:
+            self._checking.cancel()
+        self._checking = background_tasks.create(self._check_soon(text), name="look at the text")
+
+    async def _check_soon(self, text: str) -> None:
+        await asyncio.sleep(_DEBOUNCE)
+        with self._client:
+            await self._check(text)
+
+    async def _check(self, text: str) -> None:
+        """Look at the text, and show what is found unless it is not the text any more."""
+        checked = await self._services.checker.check(text, self._draft().name)
+        if text != self._draft().text or self._client.is_deleted:
+            return
+        self._edit.say(checked, text)
+        if checked.ok:
+            self._form.follow(checked.options)
+
+    def _set(self) -> None:
+        self._tab.draft = replace(self._draft(), chosen=self._form.chosen)
+        self._keep()
+
+    def _say(self, text: str, kind: str) -> None:
+        self._bar.say(text, kind)
+
+    # Running.
+
+    async def _solve(self) -> None:
+        try:
+            given = self._form.given()
+        except QuitoError as error:
+            self._say(str(error), "bad")
+            return
+        draft = self._draft()
+        self._submit(Request(text=draft.text, name=draft.name, options=given), "Running")
+
+    async def _hold_against(self, against: tuple[str, ...]) -> None:
+        seen = self._tab.kept.get(self._tab.shown or "")
+        if seen is None:
+            return
+        text = await run.io_bound(_text_of, seen.folder)
+        request = Request(
+            text=text, name=seen.name, options=seen.given, against=against, result=seen.folder / RESULT
+        )
+        self._submit(request, "Comparing")
+
+    def _submit(self, request: Request, said: str) -> None:
+        try:
+            job = self._services.desk.submit(self._tab.session, request)
+        except QuitoError as error:
+            self._say(str(error), "bad")
+            return
+        self._tab.asked = (job, request)
+        self._bar.begin(said)
+        self._follow()
+
+    def _follow(self) -> None:
+        background_tasks.create(self._followed(), name="follow a solve")
+
+    async def _followed(self) -> None:
+        """Show how the job is, until it ends or the page does."""
+        if self._tab.asked is None:
+            return
+        job, request = self._tab.asked
+        with self._client:
+            self._bar.begin("Running")
+            self._compare.allow(False)
+            try:
+                async for state in self._services.desk.follow(job):
+                    if self._client.is_deleted:
+                        return
+                    if isinstance(state, Running):
+                        self._history = state.history
+                    self._bar.show(state)
+                    if isinstance(state, Finished):
+                        await self._finished(job, request, state)
+                    elif isinstance(state, Failed):
+                        self._failed(job, state)
+            except QuitoError as error:  # it was dropped
+                self._tab.asked = None
+                self._bar.rest()
+                self._say(str(error), "bad")
+            self._compare.allow(self._tab.shown is not None)
+
+    def _failed(self, job: str, state: Failed) -> None:
+        self._tab.asked = None
+        self._services.desk.drop(job)
+        self._say(state.message, "bad")
+
+    async def _finished(self, job: str, request: Request, state: Finished) -> None:
+        """Show the answer; a run is kept, of comparisons the last."""
+        tab = self._tab
+        tab.asked = None
+        answer = await run.io_bound(Answer.load, state.folder)
+        if answer.kind == "compare":
+            before, tab.compared = tab.compared, job
+            if before is not None:
+                self._services.desk.drop(before)
+            self._compare.show(answer)
+            self._say("Compared.", "good" if answer.success else "bad")
+            return
+        tab.count += 1
+        made = Run(job, tab.count, request.name, request.options, state.folder, answer.figures)
+        tab.kept[job] = made
+        for old in tab.runs.add(made):
+            self._forget(old)
+        await self._show(job, answer)
+        self._bar.end(_last(answer, state.seconds), self._history)
+        said = f"{answer.said} {state.note}".strip()
+        self._say(said, "good" if answer.success else "bad")
+
+    def _cancel(self) -> None:
+        if self._tab.asked is not None:
+            self._services.desk.cancel(self._tab.asked[0])
+            self._say("Stopping: the iterate so far is kept.", "")
+
+    # Seeing.
+
+    async def _show(self, job: str, answer: Answer | None = None) -> None:
+        """Show a run with those that are laid over it."""
+        tab = self._tab
+        chosen = tab.kept.get(job)
+        if chosen is None:
+            return
+        tab.shown = job
+        tab.overlaid = [other for other in tab.overlaid if other != job and other in tab.kept]
+        seen = answer or await run.io_bound(Answer.load, chosen.folder)
+        self._verdict.show(chosen, seen)
+        self._summary.set_content(summary(seen))
+        self._certificate.set_content(certificate(seen))
+        self._compare.allow(tab.asked is None)
+        self._runs.fill(tab)
+        self._plots.show(seen, await self._overlays())
+
+    async def _overlays(self) -> list[tuple[str, Answer]]:
+        runs = [self._tab.kept[job] for job in self._tab.overlaid]
+        return [(one.label, await run.io_bound(Answer.load, one.folder)) for one in runs]
+
+    async def _lay(self, job: str, over: bool) -> None:
+        others = [other for other in self._tab.overlaid if other != job]
+        self._tab.overlaid = [*others, job][-MOST_RUNS:] if over else others
+        if self._tab.shown is not None:
+            await self._show(self._tab.shown)
+
+    async def _remove(self, job: str) -> None:
+        self._tab.runs.remove(job)
+        self._forget(job)
+        if self._tab.shown is None and self._tab.kept:
+            await self._show(next(reversed(self._tab.kept)))
+        elif self._tab.shown is None:
+            self._verdict.show(None, None)
+            self._plots.show(None, ())
+            self._summary.set_content(summary(None))
+            self._certificate.set_content(certificate(None))
+            self._compare.allow(False)
+        self._runs.fill(self._tab)
+
+    def _forget(self, job: str) -> None:
+        """Drop a run with its files."""
+        self._tab.kept.pop(job, None)
+        self._tab.overlaid = [other for other in self._tab.overlaid if other != job]
+        if self._tab.shown == job:
+            self._tab.shown = None
+        self._services.desk.drop(job)
+
+    def _taken(self, job: str) -> None:
+        self._tab.runs.taken(job)
+
+    async def _show_comparison(self, job: str) -> None:
+        state = self._services.desk.state(job)
+        if isinstance(state, Finished):
+            self._compare.show(await run.io_bound(Answer.load, state.folder))
+
+
+def _last(answer: Answer, seconds: float) -> dict[str, str]:
+    """Return the figures of a solve that is over."""
+    figures: dict[str, Any] = dict(answer.figures)
+    said = {"time": f"{seconds:.1f} s"}
+    if isinstance(figures.get("iterations"), int):
+        said["iteration"] = str(figures["iterations"])
+    if isinstance(figures.get("cost"), float):
+        said["objective"] = f"{figures['cost']:.8g}"
+    if isinstance(figures.get("feasibility"), float):
+        said["infeasibility"] = f"{figures['feasibility']:.1e}"
+    return said
+
+
+def _text_of(folder: Path) -> str:
+    """Return the text of the problem that was solved."""
+    from quito_cli.solution.solution import Solution
+
+    return Solution.load(folder / RESULT).origin.text
+
+
+VERSION = __version__

@@ -1,0 +1,149 @@
+"""The server of the page: desk, checker and shelf, then NiceGUI until Ctrl-C.
+
+All that the page needs is in NiceGUI's package; nothing is fetched from elsewhere.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from quito_cli.errors import UnavailableError, UsageError
+
+PORT = 8431
+"""Where the page is unless another port is asked for; the next free one if it is taken."""
+_TRIED = 50
+"""Ports after it."""
+_CHECK_SECONDS, _CHECK_MEMORY = 5.0, 1 << 30
+"""What looking at a text may take."""
+_SWEEP = 60.0
+"""Seconds between looks for tabs that are gone."""
+_RECONNECT = 20.0
+"""Seconds that a page without connection is waited for before it is made anew."""
+
+
+def serve(
+    folder: Path | None,
+    host: str,
+    port: int | None,
+    *,
+    browser: bool,
+    say: Callable[[str], None],
+) -> None:
+    """Serve the page until it is interrupted.
+
+    Args:
+        folder: where own problems are, or None.
+        host: the address to bind to.
+        port: to listen on; None for `PORT`, or the next free one.
+        browser: whether to open one.
+        say: told the address.
+
+    Raises:
+        UnavailableError: NiceGUI is not installed.
+        UsageError: the folder cannot be read, or the port is taken.
+    """
+    try:
+        import latex2mathml.converter
+        import nicegui  # noqa: F401 - whether they are there
+    except ImportError:
+        raise UnavailableError(
+            'the page needs NiceGUI, which is not installed: pip install "quito[gui]"'
+        ) from None
+    _serve(folder, host, free_port(host, port), browser, say)
+
+
+def _serve(
+    folder: Path | None, host: str, port: int, browser: bool, say: Callable[[str], None]
+) -> None:
+    import logging
+
+    from nicegui import app, ui
+
+    from quito_cli.gui.checking import Checker
+    from quito_cli.gui.desk import LIMITS, Desk
+    from quito_cli.gui.guard import Guard, address, doors
+    from quito_cli.gui.page import page
+    from quito_cli.gui.page_state import Services, Tabs
+    from quito_cli.gui.shelf import Shelf
+
+    shelf = Shelf(folder, LIMITS.characters)
+    desk = Desk(LIMITS, workers=workers())
+    checker = Checker(_CHECK_SECONDS, _CHECK_MEMORY, LIMITS.characters)
+    services = Services(desk, checker, shelf, Tabs(desk), LIMITS.characters)
+    allowed = doors(host, port)
+    app.add_middleware(Guard, doors=allowed)
+
+    async def root() -> None:
+        await page(services)
+
+    app.on_startup(lambda: say(address(allowed)))
+    app.timer(_SWEEP, services.tabs.sweep)
+    logging.getLogger("nicegui").setLevel(logging.ERROR)
+    try:
+        with suppress(KeyboardInterrupt):
+            ui.run(
+                root,
+                host=host,
+                port=port,
+                title="quito",
+                dark=None,
+                language="en-GB",
+                show=address(allowed) if browser else False,
+                reload=False,
+                tailwind=False,
+                show_welcome_message=False,
+                reconnect_timeout=_RECONNECT,
+                binding_refresh_interval=None,
+                uvicorn_logging_level="error",
+                server_header=False,
+                timeout_graceful_shutdown=2,
+            )
+    finally:
+        checker.close()
+        desk.close()
+
+
+def workers() -> int:
+    """Return how many solves may run at once: one processor is left to the page."""
+    count = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+    return max(1, count - 1)
+
+
+def free_port(host: str, port: int | None) -> int:
+    """Return a port that can be listened on.
+
+    Raises:
+        UsageError: the one asked for is taken, or the address is none of this machine.
+    """
+    wanted = range(PORT, PORT + _TRIED) if port is None else (port,)
+    problem: OSError | None = None
+    for each in wanted:
+        try:
+            _try(host, each)
+        except OSError as error:
+            problem = error
+        else:
+            return each
+    if port is None:
+        raise UsageError(f"cannot listen on {host}: {problem and problem.strerror}")
+    raise UsageError(
+        f"cannot listen on {host} port {port}: {problem and problem.strerror}; leave --port out to "
+        "take the next free one"
+    )
+
+
+def _try(host: str, port: int) -> None:
+    """Bind to a port and let it go again.
+
+    Raises:
+        OSError: it cannot be bound to.
+    """
+    family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+    with socket.socket(family, kind, protocol) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        probe.bind(address)
