@@ -37,7 +37,7 @@ from quito_cli.problem.mathematics import render
 
 ROOT = Path(__file__).parent.parent
 REFERENCE = ROOT / "tests" / "reference"
-TEMPLATE = ROOT / "quito_cli" / "cli" / "template.yaml"
+TEMPLATE = ROOT / "quito_cli" / "problem" / "template.yaml"
 SCHEMA = data_folder("schemas") / "problem.schema.json"
 NAMES = sorted(bundled())
 

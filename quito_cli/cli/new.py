@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import shlex
 from pathlib import Path
 from typing import Annotated
@@ -12,8 +11,6 @@ import typer
 
 from quito_cli.errors import UsageError
 
-_TEMPLATE = Path(__file__).with_name("template.yaml")
-_SCHEMA_LINE = re.compile(r"^#\s+yaml-language-server\s*:[^\r\n]*", re.MULTILINE)
 _ENDINGS = (".yaml", ".yml")
 _NOT_IN_A_NAME = '<>:"|?*\\'
 _LONGEST = 200  # bytes; file systems take 255, and results are named after it
@@ -37,11 +34,11 @@ def new(
 ) -> None:
     """Write a commented problem file to start from."""
     from quito_cli.cli.text import plain
-    from quito_cli.problem.library import bundled
+    from quito_cli.problem.library import TEMPLATE, bundled
     from quito_cli.solution.store import write_aside
 
     path = _path_of(name)
-    source, what = _TEMPLATE, "a template that solves as it stands"
+    source, what = TEMPLATE, "a template that solves as it stands"
     if origin is not None:
         from quito_cli.problem.load import find, load
 
@@ -103,7 +100,7 @@ def _pointed_to_schema(text: str, folder: Path) -> str:
     Relative where both are in the same checkout; else a URI, which has no blanks in it: for the
     language server a blank is the end.
     """
-    from quito_cli.problem.library import data_folder
+    from quito_cli.problem.library import SCHEMA_LINE, data_folder
 
     schema = data_folder("schemas") / "problem.schema.json"
     folder = folder.resolve()
@@ -112,7 +109,7 @@ def _pointed_to_schema(text: str, folder: Path) -> str:
     else:
         where = schema.as_uri()
     line = f"# yaml-language-server: $schema={where}"
-    pointed, found = _SCHEMA_LINE.subn(lambda _: line, text, count=1)
+    pointed, found = SCHEMA_LINE.subn(lambda _: line, text, count=1)
     ends = "\r\n" if "\r\n" in text else "\n"
     return pointed if found else line + ends + text
 

@@ -1,9 +1,14 @@
-"""The bundled problems: inside the package where it is installed, else beside it."""
+"""The bundled problems, inside the package or else beside it, and the template of new ones."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
+TEMPLATE = Path(__file__).with_name("template.yaml")
+"""A commented problem that solves as it stands."""
+SCHEMA_LINE = re.compile(r"^#\s+yaml-language-server\s*:[^\r\n]*", re.MULTILINE)
+"""By which editors find the schema, from where the file stands."""
 _PACKAGE = Path(__file__).resolve().parent.parent
 
 
