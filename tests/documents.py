@@ -22,6 +22,7 @@ COMMANDS = (
     "plot",
     "generating-functions",
     "solvers",
+    "gui",
     "schema",
 )
 

@@ -32,6 +32,8 @@ const quito = {
     }
   },
   restored() {
+    const dark = () => emitEvent("quito-dark", Quasar.Dark.isActive);
+    new MutationObserver(dark).observe(document.body, { attributeFilter: ["class"] });
     setInterval(() => quito.keep(), 400);
     window.addEventListener("pagehide", () => quito.keep());
   },
@@ -62,7 +64,7 @@ const quito = {
     const box = document.createElement("div");
     const head = document.createElement("div");
     if (!list.length) return box;
-    head.textContent = `${list[0].axisDim === "x" ? "" : ""}${quito.across} = ${quito.number(list[0].axisValue)}`;
+    head.textContent = `t = ${quito.number(list[0].axisValue)}`;
     head.style.fontWeight = "600";
     box.append(head);
     const seen = new Set();
@@ -82,7 +84,26 @@ const quito = {
     }
     return box;
   },
-  across: "t",
+  // Zoom of the plots: by a band drawn with the pointer, and by buttons for who has none.
+  chart() {
+    const place = document.getElementById("plot");
+    return place && window.getElement ? getElement(place.dataset.chart)?.chart : null;
+  },
+  zoom(factor) {
+    const chart = quito.chart();
+    const zoom = chart && chart.getOption().dataZoom[0];
+    if (!zoom) return;
+    const middle = (zoom.start + zoom.end) / 2;
+    const half = factor ? Math.min(50, ((zoom.end - zoom.start) / 2) * factor) : 50;
+    const start = Math.max(0, Math.min(100 - 2 * half, middle - half));
+    chart.dispatchAction({ type: "dataZoom", start, end: start + 2 * half });
+  },
+  band(tries = 50) {
+    const chart = quito.chart();
+    if (!chart && tries) setTimeout(() => quito.band(tries - 1), 40);
+    const key = "dataZoomSelect";
+    chart?.dispatchAction({ type: "takeGlobalCursor", key, dataZoomSelectActive: true });
+  },
 };
 window.quito = quito;
 document.addEventListener("keydown", quito.hear, true);

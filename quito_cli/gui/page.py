@@ -7,13 +7,13 @@ known, its draft and its results come back, and a solve that is under way is fol
 from __future__ import annotations
 
 import asyncio
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from nicegui import Client, background_tasks, run, ui
+from nicegui import Client, background_tasks, ui
 
-from quito_cli import __version__
 from quito_cli.errors import QuitoError
 from quito_cli.gui.answer import RESULT, Answer
 from quito_cli.gui.job import Failed, Finished, Request, Running
@@ -58,14 +58,13 @@ class View:
         self._tab = Tab("")
         self._checking: asyncio.Task[None] | None = None
         self._history: tuple[Iterated, ...] = ()
-        ui.html("Skip to the editor", tag="a").classes("skip").props('href="#editor"')
+        ui.html("Skip to the editor", tag="a").classes("skip").props('href="#edit"')
         self._top()
         with ui.element("main").classes("desk"):
             with ui.element("div").classes("left"):
                 shelf, most = services.shelf, services.most_characters
                 self._choose = Choose(shelf, most, self._open, self._draft, self._say)
                 self._edit = Edit(self._typed)
-                self._edit.editor.props("id=editor")
                 self._form = Form(self._set)
             with ui.element("div").classes("right"):
                 self._bar = RunBar(self._solve, self._cancel)
@@ -88,13 +87,12 @@ class View:
 
     def _tabs(self) -> None:
         names = ("Plots", "Summary", "Certificate", "Compare", "Runs")
-        with ui.tabs(value="Plots").props("dense no-caps align=left inline-label") as tabs:
+        with ui.tabs().props("dense no-caps align=left inline-label") as tabs:
             for name in names:
                 ui.tab(name).mark(f"tab-{name.lower()}")
-        self._chosen_tab = tabs
         with (
             ui.element("div").classes("scroll"),
-            ui.tab_panels(tabs, animated=False, keep_alive=True),
+            ui.tab_panels(tabs, value=names[0], animated=False, keep_alive=True),
         ):
             with ui.tab_panel("Plots"):
                 self._plots = Plots()
@@ -147,14 +145,20 @@ class View:
 
     def _keep(self) -> None:
         """Tell the browser what stands beside the text, for the draft it keeps."""
-        from json import dumps
-
-        ui.run_javascript(f"quito.keep({dumps(self._draft().about)})")
+        ui.run_javascript(f"quito.keep({json.dumps(self._draft().about)})")
 
     def _typed(self, text: str) -> None:
         if self._tab.draft is None or text == self._tab.draft.text:
             return
-        self._tab.draft = replace(self._tab.draft, text=text)
+        draft = replace(self._tab.draft, text=text)
+        if draft.place == "library":  # it is that of the library no more
+            draft = replace(draft, place="own", name=f"{draft.stem}.yaml")
+            self._tab.draft = draft
+            self._choose.show(draft)
+            self._edit.rename(draft.name)
+            self._form.rename(draft.name)
+            self._keep()
+        self._tab.draft = draft
         if self._checking is not None:
             self._checking.cancel()
         self._checking = background_tasks.create(self._check_soon(text), name="look at the text")
@@ -166,7 +170,7 @@ class View:
 
     async def _check(self, text: str) -> None:
         """Look at the text, and show what is found unless it is not the text any more."""
-        checked = await self._services.checker.check(text, self._draft().name)
+        checked = await self._services.checker.check(text, self._draft().stem)
         if text != self._draft().text or self._client.is_deleted:
             return
         self._edit.say(checked, text)
@@ -189,15 +193,19 @@ class View:
             self._say(str(error), "bad")
             return
         draft = self._draft()
-        self._submit(Request(text=draft.text, name=draft.name, options=given), "Running")
+        self._submit(Request(text=draft.text, name=draft.stem, options=given), "Running")
 
     async def _hold_against(self, against: tuple[str, ...]) -> None:
         seen = self._tab.kept.get(self._tab.shown or "")
         if seen is None:
             return
-        text = await run.io_bound(_text_of, seen.folder)
+        text = await asyncio.to_thread(_text_of, seen.folder)
         request = Request(
-            text=text, name=seen.name, options=seen.given, against=against, result=seen.folder / RESULT
+            text=text,
+            name=seen.name,
+            options=seen.given,
+            against=against,
+            result=seen.folder / RESULT,
         )
         self._submit(request, "Comparing")
 
@@ -248,7 +256,7 @@ class View:
         """Show the answer; a run is kept, of comparisons the last."""
         tab = self._tab
         tab.asked = None
-        answer = await run.io_bound(Answer.load, state.folder)
+        answer = await asyncio.to_thread(Answer.load, state.folder)
         if answer.kind == "compare":
             before, tab.compared = tab.compared, job
             if before is not None:
@@ -281,7 +289,7 @@ class View:
             return
         tab.shown = job
         tab.overlaid = [other for other in tab.overlaid if other != job and other in tab.kept]
-        seen = answer or await run.io_bound(Answer.load, chosen.folder)
+        seen = answer or await asyncio.to_thread(Answer.load, chosen.folder)
         self._verdict.show(chosen, seen)
         self._summary.set_content(summary(seen))
         self._certificate.set_content(certificate(seen))
@@ -291,7 +299,7 @@ class View:
 
     async def _overlays(self) -> list[tuple[str, Answer]]:
         runs = [self._tab.kept[job] for job in self._tab.overlaid]
-        return [(one.label, await run.io_bound(Answer.load, one.folder)) for one in runs]
+        return [(one.label, await asyncio.to_thread(Answer.load, one.folder)) for one in runs]
 
     async def _lay(self, job: str, over: bool) -> None:
         others = [other for other in self._tab.overlaid if other != job]
@@ -326,7 +334,7 @@ class View:
     async def _show_comparison(self, job: str) -> None:
         state = self._services.desk.state(job)
         if isinstance(state, Finished):
-            self._compare.show(await run.io_bound(Answer.load, state.folder))
+            self._compare.show(await asyncio.to_thread(Answer.load, state.folder))
 
 
 def _last(answer: Answer, seconds: float) -> dict[str, str]:
@@ -347,6 +355,3 @@ def _text_of(folder: Path) -> str:
     from quito_cli.solution.solution import Solution
 
     return Solution.load(folder / RESULT).origin.text
-
-
-VERSION = __version__

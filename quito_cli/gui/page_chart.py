@@ -29,8 +29,6 @@ _SHADES = {
 }
 """Of the stretches that are shaded; interior arcs are what is left."""
 _BOUND_POINTS = 60
-_MOST_POINTS = 700
-"""Of a line: about the pixels that it has."""
 
 
 @dataclass(frozen=True)
@@ -193,9 +191,8 @@ class _Panel:
         """Return the lines, those of other answers and the reference beneath."""
         drawn = [*self._outlines(), *self._bounds(), *self._others()]
         for line, colour in self._coloured():
-            name = f"{line.name}, reference" if line.role == "reference" else line.name
-            style = "dashed" if line.role == "reference" else "solid"
-            drawn.append(self._line(name, line, colour, style, 5 if style == "dashed" else 4))
+            style, height = ("dashed", 5) if line.role == "reference" else ("solid", 4)
+            drawn.append(self._line(line.name, line, colour, style, height))
         if drawn:
             drawn[-1] |= self._marks()
         return drawn
@@ -336,18 +333,4 @@ def _span(values: Iterable[float | None]) -> tuple[float, float]:
 
 
 def _points(x: Numbers, y: Numbers) -> list[list[float | None]]:
-    """Return the points of a line: of each group of neighbours the least and the largest."""
-    size = -(-2 * len(x) // _MOST_POINTS)
-    if size <= 2:
-        return [[a, _short(b)] for a, b in zip(x, y, strict=True)]
-    kept = {0, len(x) - 1}
-    for start in range(0, len(x), size):
-        group = range(start, min(start + size, len(x)))
-        known = [(value, i) for i in group if (value := y[i]) is not None]
-        kept |= {min(known)[1], max(known)[1]} if known else {start}
-    return [[x[i], _short(y[i])] for i in sorted(kept)]
-
-
-def _short(value: float | None) -> float | None:
-    """Return a value with as many digits as a hover shows."""
-    return None if value is None else float(f"{value:.8g}")
+    return [[a, b] for a, b in zip(x, y, strict=True)]

@@ -1,16 +1,17 @@
-"""Choosing a problem: from the library, from the folder, from a file of the user's, or a new one."""
+"""Choosing a problem: of the library, of the folder, a file of the user's, or a new one."""
 
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from typing import Literal
 
 from nicegui import events, ui
 
 from quito_cli.errors import QuitoError, UsageError
 from quito_cli.gui.page_state import Draft
-from quito_cli.gui.shelf import Shelf, ThereAlreadyError, uploaded
+from quito_cli.gui.shelf import Shelf, ThereAlreadyError, template, uploaded
 
-_NEW = "my_problem"
+_NEW = "my_problem.yaml"
 Open = Callable[[Draft], Awaitable[None]]
 Say = Callable[[str, str], None]
 """Tells the user something; its kind is info, good or bad."""
@@ -28,11 +29,13 @@ class Choose:
             self._select = ui.select(
                 self._entries(), label="Problem", with_input=True, on_change=self._chosen
             )
-            self._select.props("outlined dense options-dense hide-dropdown-icon=false").mark("problem")
+            self._select.props("outlined dense options-dense hide-dropdown-icon=false").mark(
+                "problem"
+            )
             ui.button("New", on_click=self._new).props("flat").classes("plain").mark("new")
             uploader = ui.upload(
                 on_upload=self._uploaded,
-                on_rejected=lambda: say(f"that file is too large or none at all", "bad"),
+                on_rejected=lambda: say("that file is too large or none at all", "bad"),
                 auto_upload=True,
                 max_files=None,
                 max_file_size=most_bytes,
@@ -59,7 +62,7 @@ class Choose:
         key = f"{draft.place}/{draft.name}"
         entries = self._entries()
         if key not in entries:
-            entries = {key: f"{draft.name} – own"} | entries
+            entries = {key: f"{draft.name} – edited here"} | entries
         self._quietly = True
         self._select.set_options(entries, value=key)
         self._quietly = False
@@ -69,10 +72,11 @@ class Choose:
     async def _chosen(self, event: events.ValueChangeEventArguments[str]) -> None:
         if self._quietly or not event.value:
             return
-        place, _, name = str(event.value).partition("/")
+        chosen, _, name = str(event.value).partition("/")
         draft = self._draft()
-        if (place, name) == (draft.place, draft.name):
+        if chosen == "own" or (chosen, name) == (draft.place, draft.name):
             return
+        place: Literal["library", "folder"] = "library" if chosen == "library" else "folder"
         try:
             text = self._shelf.read(place, name)
         except QuitoError as error:
@@ -81,7 +85,7 @@ class Choose:
         await self._opened(Draft(name, place, text, {}))
 
     async def _new(self) -> None:
-        await self._opened(Draft(_NEW, "", self._shelf.template(_NEW), {}))
+        await self._opened(Draft(_NEW, "own", template(), {}))
 
     async def _uploaded(self, event: events.UploadEventArguments) -> None:
         try:
@@ -91,14 +95,14 @@ class Choose:
             return
         finally:
             self._uploader.reset()
-        await self._opened(Draft(name, "", text, {}))
+        await self._opened(Draft(name, "own", text, {}))
 
     async def _save(self) -> None:
         draft = self._draft()
         if not self._shelf.writable:
-            ui.download.content(draft.text, f"{draft.name}.yaml", "application/yaml")
+            ui.download.content(draft.text, f"{draft.stem}.yaml", "application/yaml")
             return
-        name = await _asked_name(draft.name)
+        name = await _asked_name(f"{draft.stem}.yaml")
         if name:
             await self._write(name, draft, replace=False)
 
@@ -106,12 +110,12 @@ class Choose:
         try:
             written = self._shelf.save(name, draft.text, replace=replace)
         except ThereAlreadyError as error:
-            if await _confirmed(f"{error} Replace it?"):
+            if await _confirmed(f"{error}"):
                 await self._write(name, draft, replace=True)
         except UsageError as error:
             self._say(str(error), "bad")
         else:
-            self._say(f"saved as {written}", "good")
+            self._say("saved as {written}", "good")
             await self._opened(Draft(written, "folder", draft.text, draft.chosen))
 
 
@@ -121,7 +125,9 @@ async def _asked_name(name: str) -> str | None:
         ui.label("Save in the folder as")
         field = ui.input("Name", value=name).props("outlined dense autofocus").mark("name")
         with ui.row():
-            ui.button("Save", on_click=lambda: dialog.submit(field.value)).classes("main").mark("ok")
+            ui.button("Save", on_click=lambda: dialog.submit(field.value)).classes("main").mark(
+                "ok"
+            )
             ui.button("Not now", on_click=dialog.close).props("flat").classes("plain")
         field.on("keydown.enter", lambda: dialog.submit(field.value))
     answer = await dialog

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from html import escape
-from typing import Any
+from typing import Any, Final
 
 from nicegui import ui
 
 from quito_cli.gui.checking import Checked, Remark
 from quito_cli.gui.page_mathematics import formulas
 
-LIGHT, DARK = "githubLight", "githubDark"
+LIGHT: Final = "githubLight"
+DARK: Final = "githubDark"
+_UNREADABLE = "<p class='none'>Formulas stand here once the text can be read.</p>"
 _SHOWN = 90
 """Characters of a complaint beside its line; all of it is in the list and in the tooltip."""
 
@@ -26,9 +28,11 @@ class Edit:
             self._formulas = ui.html("<p class='none'>…</p>").classes("formulas")
             self._formulas.props('tabindex=0 role=region aria-label="The problem as mathematics"')
             self._formulas.mark("formulas")
-        with ui.element("section").classes("panel edit").props('aria-label="Edit the problem"'):
+        with ui.element("section").classes("panel edit").props('id=edit tabindex=-1 aria-label="Edit the problem"'):
             with ui.element("div").classes("bar"):
-                self._name = ui.label().props("role=heading aria-level=2").style("flex: 1").mark("name")
+                self._name = (
+                    ui.label().props("role=heading aria-level=2").classes("name").mark("name")
+                )
                 self._count = ui.label().props("role=status aria-live=polite").mark("count")
             self.editor = ui.codemirror(
                 language="YAML",
@@ -41,10 +45,14 @@ class Edit:
 
     def show(self, name: str, text: str) -> None:
         """Put a text into the editor."""
-        self._name.set_text(f"{name}.yaml")
+        self._name.set_text(name)
         self.editor.decorations = []
         self.editor.line_tooltips = {}
         self.editor.set_value(text)
+
+    def rename(self, name: str) -> None:
+        """Say under what name the text is."""
+        self._name.set_text(name)
 
     def darken(self, dark: bool) -> None:
         """Take the colours for a dark or for a light page."""
@@ -61,7 +69,7 @@ class Edit:
                 f"<div class='hidden-text'>{escape(checked.unicode)}</div>"
             )
         elif not self._formulas.content.startswith("<div"):
-            self._formulas.set_content("<p class='none'>Formulas are shown once the text can be read.</p>")
+            self._formulas.set_content(_UNREADABLE)
         placed = [remark for remark in checked.remarks if remark.line is not None]
         self.editor.decorations = decorations(text, placed)
         self.editor.line_tooltips = tooltips(text, placed)

@@ -1,4 +1,4 @@
-"""The problem as mathematics on the page: formulas in LaTeX -> MathML, which browsers show themselves.
+"""The problem as mathematics on the page: LaTeX -> MathML, which browsers show by themselves.
 
 Each formula is a row of a table, so that a narrow page may scroll it. `latex2mathml` writes
 characters as entities, and undoes all escaping at the end, which would let a `<` of a problem file

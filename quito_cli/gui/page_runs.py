@@ -1,4 +1,4 @@
-"""The tab of runs: their settings and figures, which of them is seen, and which are laid over it."""
+"""The tab of runs: settings and figures, which of them is seen, and which are laid over it."""
 
 from __future__ import annotations
 

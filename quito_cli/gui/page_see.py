@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Sequence
 from html import escape
 
-from nicegui import run, ui
+from nicegui import ui
 
 from quito_cli.errors import QuitoError
 from quito_cli.gui.answer import Answer, Condition
@@ -29,6 +30,8 @@ _KINDS = (
     ("costates", "Costates", False),
     ("switching", "Switching functions", False),
 )
+_PLAN = "plan"
+_ZOOMS = (("+", 0.5, "Zoom in"), ("−", 2.0, "Zoom out"), ("Whole", 0.0, "See the whole horizon"))
 _EMPTY = (
     "<p>Nothing solved yet.</p><p>Choose a problem and press <b>Run</b>, or <kbd>Ctrl</kbd> "
     "<kbd>Enter</kbd>.</p>"
@@ -74,7 +77,7 @@ class Verdict:
             return
         job = self._run.job
         try:
-            made = await run.io_bound(export, self._run.folder, form)
+            made = await asyncio.to_thread(export, self._run.folder, form)
         except QuitoError as error:
             self._say(str(error), "bad")
             return
@@ -97,10 +100,10 @@ class Plots:
             for box in (*self._kinds.values(), self._known):
                 box.props("dense")
             ui.element("div").classes("space")
-            zoomed = (("Zoom in", 0.5), ("Zoom out", 2.0), ("All", 0.0))
-            for word, factor in zoomed:
-                button = ui.button(word).props("flat").classes("quiet")
-                button.on("click", js_handler=f"() => quito.zoom({factor})")
+            with ui.element("div").classes("zoom").props('role=group aria-label="Zoom in time"'):
+                for sign, factor, what in _ZOOMS:
+                    button = ui.button(sign).props(f'flat aria-label="{what}" title="{what}"')
+                    button.classes("quiet").on("click", js_handler=f"() => quito.zoom({factor})")
         self._legend = ui.html("").classes("legend").mark("legend")
         self._place = ui.element("div").style("min-height: 360px").mark("plots")
         self.draw()
@@ -113,7 +116,7 @@ class Plots:
     def draw(self) -> None:
         """Draw what is asked for."""
         self._place.clear()
-        drawn = None
+        drawn = plan = None
         if self._answer is not None:
             there = {chart.kind for chart in self._answer.charts}
             for kind, box in self._kinds.items():
@@ -121,6 +124,7 @@ class Plots:
             kinds = [kind for kind, box in self._kinds.items() if box.value]
             known = bool(self._known.value)
             drawn = picture(self._answer, kinds, self._overlays, known)
+            plan = picture(self._answer, [_PLAN], self._overlays, known)
         with self._place:
             if drawn is None:
                 words = _EMPTY if self._answer is None else "<p>Choose above what to draw.</p>"
@@ -128,7 +132,13 @@ class Plots:
         self._legend.set_content("" if drawn is None else legend(drawn))
         if drawn is not None:
             with self._place:
-                chart(drawn).mark("chart").props("id=plot")
+                with ui.element("div").props("id=plot") as place:
+                    drawing = chart(drawn).mark("chart")
+                place.props(f"data-chart={drawing.id}")
+            ui.run_javascript("quito.band()")
+        if plan is not None:
+            with self._place:
+                chart(plan).mark("plan")
 
 
 def chart(drawn: Picture) -> ui.echart:
@@ -139,11 +149,15 @@ def chart(drawn: Picture) -> ui.echart:
 
 def legend(drawn: Picture) -> str:
     """Return the legend of a picture."""
-    return "".join(
-        f"<span><i style='border-top-color: {entry.colour}; border-top-style: {entry.dashes}'></i>"
-        f"{escape(entry.name)}</span>"
-        for entry in drawn.legend
-    )
+    found = []
+    for entry in drawn.legend:
+        look = f"border-top: 2px {entry.style} {entry.colour}"
+        if entry.style == "shade":
+            look = f"background: {entry.colour}"
+        found.append(
+            f"<span><i class='{entry.style}' style='{look}'></i>{escape(entry.name)}</span>"
+        )
+    return "".join(found) + "".join(f"<span>{escape(note)}</span>" for note in drawn.notes)
 
 
 def _attribute(text: str) -> str:
@@ -189,4 +203,3 @@ def _class(row: Condition) -> str:
 
 def _figure(value: float | None, form: str) -> str:
     return "–" if value is None else format(value, form)
-

@@ -32,7 +32,12 @@ class Form:
                 self._command = ui.element("code").props('tabindex=0 aria-label="Command line"')
                 with self._command:
                     self._words = ui.label().style("display: inline").mark("command")
-                copy = ui.button("Copy", on_click=self._copy).props("flat").classes("quiet").mark("copy")
+                copy = (
+                    ui.button("Copy", on_click=self._copy)
+                    .props("flat")
+                    .classes("quiet")
+                    .mark("copy")
+                )
                 copy.props('aria-label="Copy the command line"')
 
     @property
@@ -46,7 +51,7 @@ class Form:
         Raises:
             UsageError: a value is out of its range, or values exclude each other.
         """
-        return given(self._values(), self._file)
+        return given(self._chosen, self._file)
 
     def begin(self, name: str, chosen: Mapping[str, Any]) -> None:
         """Begin with another problem, or with settings that were kept."""
@@ -91,25 +96,20 @@ class Form:
     def _set(self, setting: Setting, value: Any) -> None:
         if setting.kind == "integer" and isinstance(value, float) and value.is_integer():
             value = int(value)
-        if value is None or value == setting.default:
+        if value in (None, "") or value == setting.default:
             self._chosen.pop(setting.name, None)
         else:
             self._chosen[setting.name] = value
         self._refresh()
         self._changed()
 
-    def _values(self) -> dict[str, Any]:
-        defaults = {setting.name: setting.default for setting in self._settings}
-        return defaults | self._chosen
-
     def _refresh(self) -> None:
         """Disable what means nothing now, mark what was changed, and write the command line."""
-        unused = idle(self._values(), self._file)
+        unused = idle(self._chosen, self._file)
         for name, field in self._fields.items():
-            field.classes(add="changed" if name in self._chosen else None, remove="changed") if (
-                name in self._chosen
-            ) else field.classes(remove="changed")
-            field.props(add="disable") if name in unused else field.props(remove="disable")
+            changed = name in self._chosen
+            field.classes(add="changed") if changed else field.classes(remove="changed")
+            field.props("disable") if name in unused else field.props(remove="disable")
         try:
             self._words.set_text(command(self._name, self.given()))
             self._command.props(remove="aria-invalid")
@@ -129,38 +129,35 @@ class Form:
 
 def _element(setting: Setting, value: Any) -> ValueElement[Any]:
     """Return the field of a setting."""
-    field: ValueElement[Any]
     if setting.kind == "choice":
-        options = {
-            choice.value: choice.value + ("" if choice.available else " (not here)")
-            for choice in setting.choices
-        }
-        if setting.default is None:
-            options = {"": "automatic"} | options
-            value = value or ""
-        field = ui.select(options, value=value, label=setting.label)
-        field.props("outlined dense options-dense")
-    elif setting.kind == "switch":
-        field = ui.checkbox(setting.label, value=bool(value))
-        field.props("dense")
-    else:
-        field = ui.number(setting.label, value=value, format=None)
-        field.props("outlined dense stack-label debounce=150")
-        if setting.default is None:
-            field.props('placeholder="automatic"')
-        if setting.kind == "integer":
-            field.props("step=1")
-        else:
-            field.props("step=any")
+        return _select(setting, value)
+    if setting.kind == "switch":
+        return ui.checkbox(setting.label, value=bool(value)).props("dense")
+    field = ui.number(setting.label, value=value).props("outlined dense stack-label debounce=150")
+    field.props("step=1" if setting.kind == "integer" else "step=any")
+    return field.props('placeholder="automatic"') if setting.default is None else field
+
+
+def _select(setting: Setting, value: Any) -> ui.select:
+    """Return a field of words, with the help of each where it is chosen."""
+    words = {"": "automatic"} if setting.default is None else {}
+    for choice in setting.choices:
+        words[choice.value] = choice.value + (f" – {choice.help}" if choice.help else "")
+    field = ui.select(words, value=value or "", label=setting.label)
+    field.props("outlined dense options-dense")
+    field.props(f'display-value="{value or "automatic"}"')
+    field.on_value_change(
+        lambda event: field.props(f'display-value="{event.value or "automatic"}"')
+    )
     return field
 
 
 def _helped(setting: Setting) -> str:
     """Return the help of a setting, with its range and default."""
     said = setting.help
-    if setting.kind in ("integer", "number") and setting.least is not None:
-        word = "above" if setting.least_excluded else "from"
+    low = setting.least if setting.above is None else setting.above
+    if low is not None and setting.kind != "choice":
         most = f" to {setting.most:g}" if setting.most is not None else ""
-        said += f" ({word} {setting.least:g}{most})"
+        said += f" {'From' if setting.above is None else 'Above'} {low:g}{most}."
     default = "found from the problem" if setting.default is None else setting.default
     return f"{said} {'The file asks for' if setting.from_file else 'Default:'} {default}."

@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from quito_cli.gui.checking import Checker
 from quito_cli.gui.desk import Desk
@@ -21,6 +21,7 @@ from quito_cli.gui.shelf import Shelf
 LINGER = 3600.0
 """Seconds that what belongs to a tab is kept without it."""
 _LONGEST_NAME = 200
+Place = Literal["library", "folder", "own"]
 
 
 @dataclass(frozen=True)
@@ -28,11 +29,17 @@ class Draft:
     """What is being worked on."""
 
     name: str
-    place: str
-    """library, folder, or empty for what is of the user's own."""
+    """As the shelf has it: with an ending, except in the library."""
+    place: Place
+    """Where it was read; what was edited since has a place of its own no more."""
     text: str
     chosen: Mapping[str, Any]
     """Settings that were changed, by name."""
+
+    @property
+    def stem(self) -> str:
+        """The name without its ending."""
+        return self.name.removesuffix(".yaml").removesuffix(".yml")
 
     @property
     def about(self) -> dict[str, Any]:
@@ -46,7 +53,9 @@ def draft_of(kept: object, most: int) -> Draft | None:
         return None
     name, place, text = (kept.get(key) for key in ("name", "place", "text"))
     chosen = kept.get("chosen")
-    if not (isinstance(name, str) and isinstance(text, str) and isinstance(place, str)):
+    if not (isinstance(name, str) and isinstance(text, str)):
+        return None
+    if place not in ("library", "folder", "own"):
         return None
     if not name or len(name) > _LONGEST_NAME or len(text) > most or not isinstance(chosen, dict):
         return None

@@ -48,12 +48,13 @@ def serve(
         UsageError: the folder cannot be read, or the port is taken.
     """
     try:
-        import latex2mathml.converter
-        import nicegui  # noqa: F401 - whether they are there
+        import latex2mathml
+        import nicegui
     except ImportError:
         raise UnavailableError(
             'the page needs NiceGUI, which is not installed: pip install "quito[gui]"'
         ) from None
+    del latex2mathml, nicegui  # they are there
     _serve(folder, host, free_port(host, port), browser, say)
 
 
@@ -96,6 +97,7 @@ def _serve(
                 show=address(allowed) if browser else False,
                 reload=False,
                 tailwind=False,
+                gzip_middleware_factory=None,  # on the loopback it costs more than it saves
                 show_welcome_message=False,
                 reconnect_timeout=_RECONNECT,
                 binding_refresh_interval=None,
