@@ -1,5 +1,6 @@
 """Problem -> text: the problem as a paper states it, in unicode or LaTeX."""
 
-from quito_cli.problem.mathematics.statement import notation_of, render
+from quito_cli.problem.mathematics.page import latex_lines
+from quito_cli.problem.mathematics.statement import notation_of, render, statement
 
-__all__ = ["notation_of", "render"]
+__all__ = ["latex_lines", "notation_of", "render", "statement"]

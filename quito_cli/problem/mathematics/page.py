@@ -63,14 +63,19 @@ def latex_page(sections: Sequence[Section], unknowns: str) -> str:
     """Lay the page out as one display."""
     rows: list[str] = []
     for title, lines in sections:
-        parts = [
-            r"\qquad {} " * (i > 0) + re.sub(r"^-(?=\S)", "{-}", part)  # a sign, no subtraction
-            for line in lines
-            for i, part in enumerate(_broken(line))
-        ]
+        parts = latex_lines(lines)
         words = rf"\text{{{title}}}"
         if title in {"minimise", "maximise"} and unknowns:
             words = rf"\underset{{{unknowns}}}{{{words}}}"
         rows += [rf"{'' if i else words} \quad & {part}" for i, part in enumerate(parts)]
     body = " \\\\\n".join(row.strip() for row in rows)
     return f"\\[\n\\begin{{aligned}}\n{body}\n\\end{{aligned}}\n\\]"
+
+
+def latex_lines(lines: Sequence[Line]) -> list[str]:
+    """Return the lines as LaTeX, each to be set by itself; long ones are broken."""
+    return [
+        r"\qquad {} " * (i > 0) + re.sub(r"^-(?=\S)", "{-}", part)  # a sign, no subtraction
+        for line in lines
+        for i, part in enumerate(_broken(line))
+    ]

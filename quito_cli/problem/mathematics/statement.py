@@ -28,6 +28,12 @@ _LONGEST: Final = 8
 
 def render(problem: Problem, *, latex: bool) -> str:
     """Write a problem as mathematics: plain text in unicode, or a LaTeX display with amsmath."""
+    lay_out = latex_page if latex else unicode_page
+    return lay_out(*statement(problem, latex=latex))
+
+
+def statement(problem: Problem, *, latex: bool) -> tuple[list[Section], str]:
+    """Return the parts of the problem that there are, and the unknowns."""
     page = _Page(problem, notation_of(problem, latex))
     sense = getattr(problem, "sense", "minimize").replace("ize", "ise")
     sections: list[Section] = [
@@ -36,8 +42,7 @@ def render(problem: Problem, *, latex: bool) -> str:
         ("where", [*page.definitions(), *page.tables()]),
         ("with", [page.items(page.facts())]),
     ]
-    lay_out = latex_page if latex else unicode_page
-    return lay_out([section for section in sections if section[1]], page.unknowns())
+    return [section for section in sections if section[1]], page.unknowns()
 
 
 def notation_of(problem: Problem, latex: bool) -> Notation:

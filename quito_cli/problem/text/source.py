@@ -71,6 +71,10 @@ class Source:
         line = bisect_right(self._lines, index)
         return Position(line, index - self._lines[line - 1] + 1)
 
+    def index(self, position: Position) -> int:
+        """Return which character of the text, counted from 0, stands at a place in it."""
+        return self._lines[position.line - 1] + position.column - 1
+
     def line(self, number: int) -> str:
         """The text of a line, counted from 1; empty outside the text."""
         if not 1 <= number <= len(self._lines):
