@@ -119,6 +119,7 @@ class View:
             draft = Draft(FIRST, "library", text, {})
         await self._take_up(draft)
         ui.run_javascript("quito.restored()")
+        self._form.know(await self._services.checker.solvers())
         self._runs.fill(tab)
         if tab.shown is not None:
             await self._show(tab.shown)
@@ -196,7 +197,7 @@ class View:
         self._submit(Request(text=draft.text, name=draft.stem, options=given), "Running")
 
     async def _hold_against(self, against: tuple[str, ...]) -> None:
-        seen = self._tab.kept.get(self._tab.shown or "")
+        seen = self._tab.run(self._tab.shown)
         if seen is None:
             return
         text = await asyncio.to_thread(_text_of, seen.folder)
@@ -266,7 +267,6 @@ class View:
             return
         tab.count += 1
         made = Run(job, tab.count, request.name, request.options, state.folder, answer.figures)
-        tab.kept[job] = made
         for old in tab.runs.add(made):
             self._forget(old)
         await self._show(job, answer)
@@ -284,11 +284,11 @@ class View:
     async def _show(self, job: str, answer: Answer | None = None) -> None:
         """Show a run with those that are laid over it."""
         tab = self._tab
-        chosen = tab.kept.get(job)
+        chosen = tab.run(job)
         if chosen is None:
             return
         tab.shown = job
-        tab.overlaid = [other for other in tab.overlaid if other != job and other in tab.kept]
+        tab.overlaid = [other for other in tab.overlaid if other != job and tab.run(other)]
         seen = answer or await asyncio.to_thread(Answer.load, chosen.folder)
         self._verdict.show(chosen, seen)
         self._summary.set_content(summary(seen))
@@ -298,7 +298,7 @@ class View:
         self._plots.show(seen, await self._overlays())
 
     async def _overlays(self) -> list[tuple[str, Answer]]:
-        runs = [self._tab.kept[job] for job in self._tab.overlaid]
+        runs = [one for job in self._tab.overlaid if (one := self._tab.run(job))]
         return [(one.label, await asyncio.to_thread(Answer.load, one.folder)) for one in runs]
 
     async def _lay(self, job: str, over: bool) -> None:
@@ -310,8 +310,9 @@ class View:
     async def _remove(self, job: str) -> None:
         self._tab.runs.remove(job)
         self._forget(job)
-        if self._tab.shown is None and self._tab.kept:
-            await self._show(next(reversed(self._tab.kept)))
+        others = self._tab.runs.kept()
+        if self._tab.shown is None and others:
+            await self._show(others[-1].job)
         elif self._tab.shown is None:
             self._verdict.show(None, None)
             self._plots.show(None, ())
@@ -322,7 +323,6 @@ class View:
 
     def _forget(self, job: str) -> None:
         """Drop a run with its files."""
-        self._tab.kept.pop(job, None)
         self._tab.overlaid = [other for other in self._tab.overlaid if other != job]
         if self._tab.shown == job:
             self._tab.shown = None

@@ -28,7 +28,8 @@ class Edit:
             self._formulas = ui.html("<p class='none'>…</p>").classes("formulas")
             self._formulas.props('tabindex=0 role=region aria-label="The problem as mathematics"')
             self._formulas.mark("formulas")
-        with ui.element("section").classes("panel edit").props('id=edit tabindex=-1 aria-label="Edit the problem"'):
+        whole = ui.element("section").classes("panel edit")
+        with whole.props('id=edit tabindex=-1 aria-label="Edit the problem"'):
             with ui.element("div").classes("bar"):
                 self._name = (
                     ui.label().props("role=heading aria-level=2").classes("name").mark("name")
@@ -61,8 +62,9 @@ class Edit:
     def say(self, checked: Checked, text: str) -> None:
         """Show what was found in `text`, which is the editor's."""
         errors = sum(remark.severity == "error" for remark in checked.remarks)
-        self._count.set_text(checked.late or _counted(errors, len(checked.remarks) - errors))
-        self._count.classes(replace="status " + ("bad" if errors or checked.late else ""))
+        said = _counted(errors, len(checked.remarks) - errors)
+        self._count.set_text(said if checked.complete else f"{said} so far: it takes long to read")
+        self._count.classes(replace="status bad" if errors else "status")
         if checked.formulas:
             self._formulas.set_content(
                 f"<div aria-hidden='true'>{formulas(checked)}</div>"
@@ -118,8 +120,8 @@ def decorations(text: str, remarks: Sequence[Remark]) -> list[dict[str, Any]]:
         start, length = starts[number - 1], len(lines[number - 1])
         found.append({"kind": "line", "line": number, "class": f"line-{worst}"})
         for remark in said:
-            first = min((remark.column or 1) - 1, length)
-            last = min(first + max(remark.length, 1), length)
+            first = _index(lines[number - 1], (remark.column or 1) - 1)
+            last = _index(lines[number - 1], (remark.column or 1) - 1 + max(remark.length, 1))
             if remark.column is not None and last > first:
                 mark = f"mark-{remark.severity}"
                 ends = {"from": start + first, "to": start + last}
@@ -129,6 +131,11 @@ def decorations(text: str, remarks: Sequence[Remark]) -> list[dict[str, Any]]:
         end = start + length
         found.append({"kind": "widget", "position": end, "text": shown, "class": f"said-{worst}"})
     return found
+
+
+def _index(line: str, units: int) -> int:
+    """Return how many characters of a line come before that many UTF-16 units."""
+    return len(line.encode("utf-16-le")[: 2 * units].decode("utf-16-le", "ignore"))
 
 
 def tooltips(text: str, remarks: Sequence[Remark]) -> dict[int, str]:

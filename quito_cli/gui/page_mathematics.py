@@ -46,7 +46,8 @@ def formulas(checked: Checked) -> str:
 
 def _rows(block: Block) -> list[str]:
     """Return the rows of a part; the first says what the part is."""
-    heads = [html.escape(block.title), *[""] * len(block.lines)]
+    over = f" <span class='over'>over {mathml(block.over)}</span>" if block.over else ""
+    heads = [html.escape(block.title) + over, *[""] * len(block.lines)]
     return [
         f"<tr><th scope='row'>{head}</th><td>{mathml(line)}</td></tr>"
         for head, line in zip(heads, block.lines, strict=False)

@@ -25,7 +25,7 @@ class RunsTable:
     def fill(self, tab: Tab) -> None:
         """Write the table anew."""
         heads, rows = tab.runs.table()
-        jobs = list(tab.kept)
+        jobs = [run.job for run in tab.runs.kept()]
         self._place.clear()
         with self._place:
             if not jobs:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 from nicegui import ui
@@ -24,6 +24,7 @@ class Form:
         self._chosen: dict[str, Any] = {}
         self._fields: dict[str, ValueElement[Any]] = {}
         self._name = ""
+        self._solvers: Collection[str] | None = None
         with ui.element("section").classes("panel").props('aria-label="Set the options"'):
             self._body = ui.element("div")
             self._help = ui.label(_HELP).classes("helped").props("aria-live=polite").mark("help")
@@ -53,6 +54,10 @@ class Form:
         """
         return given(self._chosen, self._file)
 
+    def know(self, solvers: Collection[str]) -> None:
+        """Take note of which solvers are here."""
+        self._solvers = solvers
+
     def begin(self, name: str, chosen: Mapping[str, Any]) -> None:
         """Begin with another problem, or with settings that were kept."""
         self._name, self._chosen = name, dict(chosen)
@@ -65,7 +70,7 @@ class Form:
             self._make(file_options)
 
     def _make(self, file_options: Mapping[str, object]) -> None:
-        self._file, self._settings = dict(file_options), settings(file_options)
+        self._file, self._settings = dict(file_options), settings(file_options, self._solvers)
         known = {setting.name for setting in self._settings}
         self._chosen = {k: v for k, v in self._chosen.items() if k in known}
         self._fields = {}

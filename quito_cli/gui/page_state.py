@@ -73,8 +73,6 @@ class Tab:
     put_aside: Draft | None = None
     """What was being edited before another problem was opened."""
     runs: Runs = field(default_factory=Runs)
-    kept: dict[str, Run] = field(default_factory=dict)
-    """The runs by job, in the order of the table."""
     count: int = 0
     """Runs so far."""
     asked: tuple[str, Request] | None = None
@@ -85,6 +83,10 @@ class Tab:
     """Jobs laid over it."""
     compared: str | None = None
     """The job of the last comparison."""
+
+    def run(self, job: str | None) -> Run | None:
+        """Return the run of that job; None where it is not kept."""
+        return next((run for run in self.runs.kept() if run.job == job), None)
 
 
 class Tabs:
