@@ -117,6 +117,8 @@ class Answer:
     name: str
     """Of the problem."""
     title: str
+    given: Mapping[str, Any]
+    """What was asked for beside the file and the defaults."""
     success: bool
     """Of a comparison, whether all rows are solved."""
     status: str

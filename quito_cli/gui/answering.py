@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from quito_cli.comparison import dictionary
 from quito_cli.comparison.table import Table as ComparedTable
@@ -20,13 +21,14 @@ if TYPE_CHECKING:
     from quito_cli.solution.solution import Solution
 
 
-def of_solution(solution: Solution) -> Answer:
-    """Return a solution as the page shows it."""
+def of_solution(solution: Solution, given: Mapping[str, Any]) -> Answer:
+    """Return a solution as the page shows it; `given` is what was asked for."""
     looked_at = solution.extremal is not None
     return Answer(
         kind="solve",
         name=solution.origin.name,
         title=solution.origin.title or solution.origin.name,
+        given=given,
         success=solution.success,
         status=solution.status.name.lower(),
         said=solution.status.value,
@@ -60,15 +62,16 @@ def _certificate(solution: Solution) -> tuple[Condition, ...]:
     )
 
 
-def of_comparison(comparison: Comparison) -> Answer:
+def of_comparison(comparison: Comparison, given: Mapping[str, Any]) -> Answer:
     """Return a comparison as the page shows it: our row's evidence, and the tables of all."""
-    ours = of_solution(comparison.rows[0].solution)
+    ours = of_solution(comparison.rows[0].solution, given)
     apart = by_control(comparison)
     stacked = (*tables(comparison), *([apart] if apart else []))
     failed = [row for row in comparison.rows if not row.solution.success]
     return Answer(
         kind="compare",
         name=ours.name,
+        given=given,
         title=heading(comparison),
         success=not failed,
         status=ours.status,

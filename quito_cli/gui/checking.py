@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import asyncio
 import re
-import threading
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final, Literal
 
-from quito_cli.batch.worker import Died, Raised, Returned, Told, Worker
+from quito_cli.batch.worker import Died, Returned
+from quito_cli.gui.aside import Aside
 from quito_cli.problem.text.source import Source
 
 if TYPE_CHECKING:
@@ -81,17 +80,15 @@ class Checker:
     """Looks at texts, one at a time, in a process of its own."""
 
     def __init__(self, seconds: float, memory: int, characters: int) -> None:
-        """Start the process.
+        """Prepare; the process is started by the first text.
 
         Args:
             seconds: that looking at a text may take.
             memory: bytes that the process may hold.
             characters: of the longest text that is looked at.
         """
-        self._seconds, self._characters = seconds, characters
-        self._worker = Worker(memory)
-        self._turn = threading.Lock()
-        self._closed = False
+        self._characters = characters
+        self._aside = Aside(seconds, memory)
         self._solvers: tuple[str, ...] | None = None
 
     async def check(self, text: str, name: str) -> Checked:
@@ -104,50 +101,28 @@ class Checker:
     async def solvers(self) -> tuple[str, ...]:
         """Return the names of the solvers that are here."""
         if self._solvers is None:
-            found = await asyncio.to_thread(self._asked, here, ())
+            found = await asyncio.to_thread(self._aside.do, here)
             if isinstance(found, Returned):
                 self._solvers = found.value
         return self._solvers or ("ipopt",)
 
     def close(self) -> None:
         """End the process."""
-        self._closed = True
-        with self._turn:
-            self._worker.kill()
+        self._aside.close()
 
     def _check(self, text: str, name: str) -> Checked:
         first: list[Checked] = []
-        ended = self._asked(look, (text, name), first.append)
+        ended = self._aside.do(look, text, name, told=first.append)
         if isinstance(ended, Returned) and isinstance(ended.value, Checked):
             return ended.value
         if first:
             return first[0]
-        said = f"the text could not be looked at within {self._seconds:g} seconds"
+        said = f"the text could not be looked at within {self._aside.seconds:g} seconds"
         if isinstance(ended, Died) and ended.out_of_memory:
             said = "looking at the text takes too much memory"
         elif ended is not None:
             said = "the text could not be looked at: its checker failed"
         return Checked((_of_all(said),), complete=False)
-
-    def _asked(
-        self,
-        function: Callable[..., Any],
-        arguments: tuple[Any, ...],
-        told: Callable[[Any], None] = lambda message: None,
-    ) -> Returned | Raised | Died | None:
-        """Let the process do something; None where it does not end in time."""
-        with self._turn:
-            if self._closed:
-                return None
-            self._worker.start(function, *arguments)
-            until = time.monotonic() + self._seconds
-            while self._worker.connection.poll(max(until - time.monotonic(), 0)):
-                message = self._worker.receive()
-                if not isinstance(message, Told):
-                    return message
-                told(message.message)
-            self._worker.kill()
-            return None
 
 
 def _of_all(message: str) -> Remark:

@@ -72,7 +72,7 @@ def carry_out(work: Work, tell: Tell) -> None:
             from quito_cli.solve import solve
 
             solution = solve(problem, listener=told.of_solve, **work.options)
-            answer = of_solution(solution)
+            answer = of_solution(solution, work.options)
         else:
             from quito_cli.comparison.compare import compare
 
@@ -84,7 +84,7 @@ def carry_out(work: Work, tell: Tell) -> None:
                 **work.options,
             )
             solution = found.rows[0].solution
-            answer = of_comparison(found)
+            answer = of_comparison(found, work.options)
     told.send()
     solution.save(work.folder / RESULT)
     answer.save(work.folder)
