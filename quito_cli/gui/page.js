@@ -32,8 +32,13 @@ const quito = {
     }
   },
   restored() {
-    const dark = () => emitEvent("quito-dark", Quasar.Dark.isActive);
-    new MutationObserver(dark).observe(document.body, { attributeFilter: ["class"] });
+    let known = Quasar.Dark.isActive;
+    const look = () => {
+      if (Quasar.Dark.isActive === known) return;
+      known = Quasar.Dark.isActive;
+      emitEvent("quito-dark", known);
+    };
+    new MutationObserver(look).observe(document.body, { attributeFilter: ["class"] });
     setInterval(() => quito.keep(), 400);
     window.addEventListener("pagehide", () => quito.keep());
   },

@@ -41,6 +41,7 @@ async def page(services: Services) -> None:
     client = ui.context.client
     ui.add_head_html(f"<style>{(_HERE / 'page.css').read_text('utf-8')}</style>")
     ui.add_head_html(f"<script>{(_HERE / 'page.js').read_text('utf-8')}</script>")
+    ui.colors(primary="var(--accent)")
     view = View(services, client)
     await client.connected(timeout=30.0)
     if client.tab_id is None:
@@ -69,7 +70,7 @@ class View:
             with ui.element("div").classes("right"):
                 self._bar = RunBar(self._solve, self._cancel)
                 with ui.element("section").classes("panel see").props('aria-label="Results"'):
-                    self._verdict = Verdict(self._say, self._taken)
+                    self._verdict = Verdict(services.exporter, self._say, self._taken)
                     self._tabs()
 
     def _top(self) -> None:
@@ -200,15 +201,8 @@ class View:
         seen = self._tab.run(self._tab.shown)
         if seen is None:
             return
-        text = await asyncio.to_thread(_text_of, seen.folder)
-        request = Request(
-            text=text,
-            name=seen.name,
-            options=seen.given,
-            against=against,
-            result=seen.folder / RESULT,
-        )
-        self._submit(request, "Comparing")
+        solved, result = self._tab.requests[seen.job], seen.folder / RESULT
+        self._submit(replace(solved, against=against, result=result), "Comparing")
 
     def _submit(self, request: Request, said: str) -> None:
         try:
@@ -216,7 +210,8 @@ class View:
         except QuitoError as error:
             self._say(str(error), "bad")
             return
-        self._tab.asked = (job, request)
+        self._tab.asked = job
+        self._tab.requests[job] = request
         self._bar.begin(said)
         self._follow()
 
@@ -225,9 +220,9 @@ class View:
 
     async def _followed(self) -> None:
         """Show how the job is, until it ends or the page does."""
-        if self._tab.asked is None:
+        job = self._tab.asked
+        if job is None:
             return
-        job, request = self._tab.asked
         with self._client:
             self._bar.begin("Running")
             self._compare.allow(False)
@@ -239,7 +234,7 @@ class View:
                         self._history = state.history
                     self._bar.show(state)
                     if isinstance(state, Finished):
-                        await self._finished(job, request, state)
+                        await self._finished(job, state)
                     elif isinstance(state, Failed):
                         self._failed(job, state)
             except QuitoError as error:  # it was dropped
@@ -250,18 +245,18 @@ class View:
 
     def _failed(self, job: str, state: Failed) -> None:
         self._tab.asked = None
-        self._services.desk.drop(job)
+        self._forget(job)
         self._say(state.message, "bad")
 
-    async def _finished(self, job: str, request: Request, state: Finished) -> None:
+    async def _finished(self, job: str, state: Finished) -> None:
         """Show the answer; a run is kept, of comparisons the last."""
-        tab = self._tab
+        tab, request = self._tab, self._tab.requests[job]
         tab.asked = None
         answer = await asyncio.to_thread(Answer.load, state.folder)
         if answer.kind == "compare":
             before, tab.compared = tab.compared, job
             if before is not None:
-                self._services.desk.drop(before)
+                self._forget(before)
             self._compare.show(answer)
             self._say("Compared.", "good" if answer.success else "bad")
             return
@@ -276,7 +271,7 @@ class View:
 
     def _cancel(self) -> None:
         if self._tab.asked is not None:
-            self._services.desk.cancel(self._tab.asked[0])
+            self._services.desk.cancel(self._tab.asked)
             self._say("Stopping: the iterate so far is kept.", "")
 
     # Seeing.
@@ -322,7 +317,8 @@ class View:
         self._runs.fill(self._tab)
 
     def _forget(self, job: str) -> None:
-        """Drop a run with its files."""
+        """Drop a job with its files."""
+        self._tab.requests.pop(job, None)
         self._tab.overlaid = [other for other in self._tab.overlaid if other != job]
         if self._tab.shown == job:
             self._tab.shown = None
@@ -348,10 +344,3 @@ def _last(answer: Answer, seconds: float) -> dict[str, str]:
     if isinstance(figures.get("feasibility"), float):
         said["infeasibility"] = f"{figures['feasibility']:.1e}"
     return said
-
-
-def _text_of(folder: Path) -> str:
-    """Return the text of the problem that was solved."""
-    from quito_cli.solution.solution import Solution
-
-    return Solution.load(folder / RESULT).origin.text

@@ -29,9 +29,8 @@ class Choose:
             self._select = ui.select(
                 self._entries(), label="Problem", with_input=True, on_change=self._chosen
             )
-            self._select.props("outlined dense options-dense hide-dropdown-icon=false").mark(
-                "problem"
-            )
+            self._select.props("outlined dense options-dense").mark("problem")
+            self._select.on("click", js_handler="event => event.target.select?.()")
             ui.button("New", on_click=self._new).props("flat").classes("plain").mark("new")
             uploader = ui.upload(
                 on_upload=self._uploaded,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Callable, Sequence
 from html import escape
 
@@ -10,7 +9,7 @@ from nicegui import ui
 
 from quito_cli.errors import QuitoError
 from quito_cli.gui.answer import Answer, Condition
-from quito_cli.gui.exports import export
+from quito_cli.gui.exports import Exporter
 from quito_cli.gui.page_chart import Picture, picture
 from quito_cli.gui.page_html import notes, table
 from quito_cli.gui.runs import Run
@@ -41,8 +40,13 @@ _EMPTY = (
 class Verdict:
     """The line above the tabs: how it ended, and the downloads."""
 
-    def __init__(self, say: Callable[[str, str], None], taken: Callable[[str], None]) -> None:
-        self._say, self._taken = say, taken
+    def __init__(
+        self,
+        exporter: Exporter,
+        say: Callable[[str, str], None],
+        taken: Callable[[str], None],
+    ) -> None:
+        self._exporter, self._say, self._taken = exporter, say, taken
         self._run: Run | None = None
         with ui.element("div").classes("verdict"):
             self._said = ui.html("<b>No result yet</b>").classes("said").mark("verdict")
@@ -77,7 +81,7 @@ class Verdict:
             return
         job = self._run.job
         try:
-            made = await asyncio.to_thread(export, self._run.folder, form)
+            made = await self._exporter.export(self._run.folder, form)
         except QuitoError as error:
             self._say(str(error), "bad")
             return

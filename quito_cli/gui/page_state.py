@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 from quito_cli.gui.checking import Checker
 from quito_cli.gui.desk import Desk
+from quito_cli.gui.exports import Exporter
 from quito_cli.gui.job import Request
 from quito_cli.gui.runs import Run, Runs
 from quito_cli.gui.shelf import Shelf
@@ -75,8 +76,10 @@ class Tab:
     runs: Runs = field(default_factory=Runs)
     count: int = 0
     """Runs so far."""
-    asked: tuple[str, Request] | None = None
-    """The job that was submitted last, until its end has been seen; and what was asked for."""
+    requests: dict[str, Request] = field(default_factory=dict)
+    """What was asked for, by job."""
+    asked: str | None = None
+    """The job that was submitted last, until its end has been seen."""
     shown: str | None = None
     """The job whose answer is seen."""
     overlaid: list[str] = field(default_factory=list)
@@ -128,6 +131,7 @@ class Services:
 
     desk: Desk
     checker: Checker
+    exporter: Exporter
     shelf: Shelf
     tabs: Tabs
     most_characters: int

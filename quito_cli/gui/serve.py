@@ -14,12 +14,20 @@ from pathlib import Path
 
 from quito_cli.errors import UnavailableError, UsageError
 
+_ICON = (
+    '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 32 32"><rect width="32" height="32" '
+    'rx="6" fill="#0a5a9c"/><path d="M5 22H13V9h7c3 0 3 9 7 9" fill="none" stroke="#fff" '
+    'stroke-width="3" stroke-linejoin="round" stroke-linecap="round"/></svg>'
+)
+"""A control with a jump and a singular arc."""
 PORT = 8431
 """Where the page is unless another port is asked for; the next free one if it is taken."""
 _TRIED = 50
 """Ports after it."""
 _CHECK_SECONDS, _CHECK_MEMORY = 5.0, 1 << 30
 """What looking at a text may take."""
+_EXPORT_SECONDS = 60.0
+"""What making a download may take."""
 _SWEEP = 60.0
 """Seconds between looks for tabs that are gone."""
 _RECONNECT = 20.0
@@ -67,6 +75,7 @@ def _serve(
 
     from quito_cli.gui.checking import Checker
     from quito_cli.gui.desk import LIMITS, Desk
+    from quito_cli.gui.exports import Exporter
     from quito_cli.gui.guard import Guard, address, doors
     from quito_cli.gui.page import page
     from quito_cli.gui.page_state import Services, Tabs
@@ -75,7 +84,8 @@ def _serve(
     shelf = Shelf(folder, LIMITS.characters)
     desk = Desk(LIMITS, workers=workers())
     checker = Checker(_CHECK_SECONDS, _CHECK_MEMORY, LIMITS.characters)
-    services = Services(desk, checker, shelf, Tabs(desk), LIMITS.characters)
+    exporter = Exporter(_EXPORT_SECONDS, LIMITS.memory)
+    services = Services(desk, checker, exporter, shelf, Tabs(desk), LIMITS.characters)
     allowed = doors(host, port)
     app.add_middleware(Guard, doors=allowed)
 
@@ -92,6 +102,7 @@ def _serve(
                 host=host,
                 port=port,
                 title="quito",
+                favicon=_ICON,
                 dark=None,
                 language="en-GB",
                 show=address(allowed) if browser else False,
@@ -107,6 +118,7 @@ def _serve(
             )
     finally:
         checker.close()
+        exporter.close()
         desk.close()
 
 
