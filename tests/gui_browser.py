@@ -27,6 +27,7 @@ from selenium.webdriver.common.by import By  # noqa: E402
 from selenium.webdriver.common.keys import Keys  # noqa: E402
 from selenium.webdriver.remote.webelement import WebElement  # noqa: E402
 
+__all__ = ["By", "Keys", "Page", "Server", "browsing", "needs_browser", "serving"]
 T = TypeVar("T")
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 _SWITCHES = (
@@ -195,6 +196,12 @@ class Page:
         names = [element.text for element in self.all(".progress dt")]
         return self.all(".progress dd")[names.index(name)].text
 
+    def darken(self, dark: bool) -> None:
+        """Let the system prefer dark pages, or light ones."""
+        scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
+        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": scheme})
+        self.until(lambda: self.run("return Quasar.Dark.isActive") is dark)
+
     def faint(self) -> list[str]:
         """Return words whose contrast with what is behind them is less than 4.5 (WCAG AA)."""
         found: list[str] = self.run(
@@ -213,14 +220,14 @@ class Page:
             const words = e => [...e.childNodes].some(n => n.nodeType === 3 && n.data.trim());
             const idle = '[disabled], .disabled, .q-field--disabled, .cm-editor, svg, .q-tooltip';
             return [...document.querySelectorAll('body *')]
-              .filter(e => words(e) && e.getClientRects().length && !e.closest(idle))
+              .filter(e => words(e) && e.checkVisibility() && !e.closest(idle))
               .map(e => {
                 const a = light(rgb(getComputedStyle(e).color)), b = light(behind(e));
                 return [(Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05), e];
               })
               .filter(([ratio]) => ratio < 4.5)
               .map(([ratio, e]) => ratio.toFixed(1) + ' ' + e.outerHTML.slice(0, 120));
-            """.replace("\\\\", "\\")
+            """
         )
         return found
 

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from gui_browser import By, Keys, Page, Server, browsing, needs_browser, serving
 
 import quito_cli as quito
-from tests.gui_browser import By, Keys, Page, Server, browsing, needs_browser, serving
 
 pytestmark = needs_browser
 ROOT = Path(__file__).parent.parent
@@ -91,15 +91,14 @@ def test_a_mistake_is_seen_at_its_line(page: Page) -> None:
 
 def test_typing_is_looked_at_and_kept_by_a_reload(page: Page) -> None:
     page.by(".cm-content").click()
-    webdriver_keys = (Keys.CONTROL, Keys.HOME)
-    page.press(*webdriver_keys)
-    page.press(Keys.NULL, "# my own words\n")
-    page.until(lambda: page.text().startswith("# my own words"))
+    page.press(Keys.HOME)
+    page.press("# my own words ")
+    page.until(lambda: "# my own words" in page.text())
     page.set_field("steps", "37")
     page.until(lambda: page.by(".command code").text == "quito solve alychan.yaml -N 37")
     page.driver.refresh()
     page.ready()
-    assert page.text().startswith("# my own words")
+    assert "# my own words" in page.text()
     page.until(lambda: page.by(".command code").text == "quito solve alychan.yaml -N 37")
 
 
@@ -158,7 +157,7 @@ def test_two_tabs_do_not_disturb_each_other(page: Page, server: Server) -> None:
     waits = "number 1 in the queue" in page.status()
     assert waits or os.cpu_count() != 2  # there is one worker here
     page.driver.switch_to.window(one)
-    assert "AUV" in page.text() or "auv" in page.text().lower()
+    assert page.text().count("\n") == LONG.count("\n")
     page.click("#cancel")
     page.until(lambda: "best iterate so far" in page.status())
     page.driver.switch_to.window(two)
@@ -206,7 +205,7 @@ def test_a_hostile_file(page: Page, server: Server, tmp_path: Path) -> None:
     page.until(lambda: "error" in page.by(".edit [role=status]").text)
     page.click("#run")
     page.until(lambda: "bad" in (page.by(".run .status").get_attribute("class") or ""))
-    calm = HOSTILE.split("description")[0] + HOSTILE.split('bitten"]\n')[1]
+    calm = HOSTILE.split("description", maxsplit=1)[0] + HOSTILE.split('bitten"]\n')[1]
     calm = re.sub(r"lagrange: .*", "lagrange: u^2", calm).split("options")[0]
     page.type(calm)
     page.until(lambda: "no complaints" in page.by(".edit [role=status]").text)
@@ -244,7 +243,7 @@ def test_save_into_the_folder(page: Page, server: Server) -> None:
     page.button("Save").click()
     page.until(lambda: page.all(".q-dialog input"))
     page.by(".q-dialog .main").click()
-    page.until(lambda: (server.folder / "alychan.yaml").is_file())
+    page.until((server.folder / "alychan.yaml").is_file)
     assert (server.folder / "alychan.yaml").read_text("utf-8").startswith("# saved")
     assert not (server.folder.parent / "escaped.yaml").exists()
 
@@ -254,8 +253,7 @@ def test_runs_are_laid_over_one_another_and_compared(page: Page) -> None:
     page.set_field("variance", "1")
     page.solved()
     page.tab("Runs")
-    boxes = page.until(lambda: page.all(".q-tab-panel .q-checkbox:not([aria-disabled=true])"))
-    boxes[-1].click()
+    page.click("[aria-label='Lay run 1 over it']")
     page.tab("Plots")
     page.until(lambda: "1: alychan" in page.by(".legend").text)
     page.tab("Compare")
@@ -271,7 +269,7 @@ def test_everything_has_a_name(page: Page) -> None:
     assert len(page.all("main")) == len(page.all("h1")) == 1
     nameless = page.run(
         """
-        const shown = e => e.getClientRects().length && !e.closest('[aria-hidden=true]');
+        const shown = e => e.checkVisibility() && !e.closest('[aria-hidden=true]');
         const named = e => e.getAttribute('aria-label') || e.title || e.innerText?.trim()
           || e.labels?.length || e.closest('label') || e.getAttribute('aria-labelledby');
         return [...document.querySelectorAll('input, textarea, select, button, [role=img],'
@@ -321,9 +319,7 @@ def test_it_fits(page: Page, width: int) -> None:
             page.tab(name)
             assert page.run("return document.documentElement.scrollWidth") <= width
         for dark in (False, True):
-            scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
-            page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": scheme})
-            page.until(lambda dark=dark: page.run("return Quasar.Dark.isActive") is dark)
+            page.darken(dark)
             assert page.faint() == []
     finally:
         page.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
@@ -332,8 +328,8 @@ def test_it_fits(page: Page, width: int) -> None:
 
 def test_nothing_came_from_elsewhere(page: Page, server: Server) -> None:
     page.log()
-    own = (server.address, server.address.replace("http", "ws"), "data:", "blob:", "chrome:")
-    own += ("chrome-untrusted:", "about:")
+    inner = ("data:", "blob:", "about:", "chrome:", "chrome-untrusted:")
+    own = (server.address, server.address.replace("http", "ws"), *inner)
     assert len(page.requested) > 20
     assert [url for url in page.requested if not url.startswith(own)] == []
     assert page.complaints == []

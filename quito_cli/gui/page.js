@@ -43,8 +43,10 @@ const quito = {
     window.addEventListener("pagehide", () => quito.keep());
   },
 
-  // Shortcuts. In the capturing phase: an editor would take Ctrl+Enter for a new line.
+  // Shortcuts. In the capturing phase: an editor would take Ctrl+Enter for a new line, and Tab for
+  // an indent, from which no key leads on; Ctrl+] and Ctrl+[ indent.
   hear(event) {
+    if (event.key === "Tab" && event.target.closest?.(".cm-editor")) event.stopPropagation();
     const open = document.querySelector(".q-dialog, .q-menu");
     if (event.key === "Enter" && (event.ctrlKey || event.metaKey) && !open) quito.click("run", event);
     if (event.key === "Escape" && !open) quito.click("cancel", event);

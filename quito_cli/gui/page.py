@@ -61,7 +61,7 @@ class View:
         self._history: tuple[Iterated, ...] = ()
         ui.html("Skip to the editor", tag="a").classes("skip").props('href="#edit"')
         self._top()
-        with ui.element("main").classes("desk"):
+        with ui.element("div").classes("desk"):
             with ui.element("div").classes("left"):
                 shelf, most = services.shelf, services.most_characters
                 self._choose = Choose(shelf, most, self._open, self._draft, self._say)
