@@ -11,9 +11,9 @@ tells what it has heard.
     desk.cancel(job)                        # keeps the best iterate
     desk.close()
 
-To be cancelled is first to be asked: a solver that is at its iterations stops at the next one, says
-so, and its best iterate is judged like an answer. One that does not say so within `Limits.grace` is
-ended with its process; so is one that is cancelled twice.
+To be cancelled is first to be asked: a solver that is at its iterations stops at the next one, and
+its best iterate is judged like an answer. What has not noticed within `Limits.grace`, or has no
+iterate yet, is ended with its process; so is what is cancelled twice.
 """
 
 from __future__ import annotations
@@ -231,4 +231,7 @@ class Desk:
                     return
                 job = self._queue.pop(0)
                 self._tell_places()
-            place.start(job)
+            try:
+                place.start(job)
+            except OSError as error:
+                job.fail(f"no process could be started: {error.strerror}", "crashed")

@@ -12,7 +12,7 @@ from typing import Any
 
 from quito_cli.batch.worker import Died, Raised, Returned, Told, Worker
 from quito_cli.errors import QuitoError
-from quito_cli.gui.work import Iterated, Stopped, Work, carry_out, warm_up
+from quito_cli.gui.work import Iterated, Noticed, Work, carry_out, warm_up
 
 MOST_POINTS = 500
 """Of a history."""
@@ -29,9 +29,9 @@ class Limits:
     characters: int
     """Of a problem's text."""
     grace: float
-    """Seconds between being told to stop and saying so, or being ended."""
+    """Seconds between being told to stop and having noticed, or being ended."""
     judging: float
-    """Seconds for the evidence of an iterate at which a solver has stopped."""
+    """Seconds after it, for the evidence of the iterate at which a solver has stopped."""
     waiting: int
     """Jobs in the queue, of all sessions."""
 
@@ -70,7 +70,7 @@ class Running:
     stopping: bool
     """Whether it has been told to stop."""
     stopped: bool
-    """Whether the solver has stopped, and its iterate is being judged."""
+    """Whether that has been noticed: the solver stops at its iterate, which is being judged."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class Job:
         self.asked: float | None = None
         """When its solver was told to stop."""
         self.stopped: float | None = None
-        """When it said that it does."""
+        """When it had noticed, with an iterate to keep."""
         self.why = ""
         """It was told to: a key of the notes."""
         self._history: list[Iterated] = []
@@ -160,9 +160,15 @@ class Job:
             self.seconds, tuple(self._history), self.asked is not None, self.stopped is not None
         )
 
-    def finish(self, limits: Limits) -> None:
-        """End with an answer, which may be the iterate of one that was told to stop."""
-        note = _NOTES[self.why].format(seconds=limits.seconds) if self.stopped else ""
+    @property
+    def iterating(self) -> bool:
+        """Whether there is an iterate."""
+        return bool(self._history)
+
+    def finish(self, interrupted: bool, limits: Limits) -> None:
+        """End with an answer; one that was interrupted is the best iterate."""
+        told = interrupted and self.why
+        note = _NOTES[self.why].format(seconds=limits.seconds) if told else ""
         self.state = Finished(self.folder, self.seconds, note)
 
     def fail(self, message: str, reason: str) -> None:
@@ -195,10 +201,14 @@ class Place:
         self._worker.start(warm_up)
 
     def start(self, job: Job) -> None:
-        """Begin a job."""
-        self.job = job
-        job.begin()
+        """Begin a job.
+
+        Raises:
+            OSError: no process can be started for it.
+        """
         self._worker.start(carry_out, job.work)
+        job.begin()
+        self.job = job
 
     def hear(self) -> None:
         """Take a message of the worker, which is there."""
@@ -206,14 +216,14 @@ class Place:
         if job is None:  # it has warmed up, or has died of it, and then its first job will tell
             return
         if isinstance(said, Told):
-            if isinstance(said.message, Stopped):
-                job.stopped = time.monotonic()
-            else:
+            if not isinstance(said.message, Noticed):
                 job.heard(said.message)
+            elif job.iterating:  # else there is nothing to keep, and nobody knows what it is at
+                job.stopped = time.monotonic()
             job.tell()
             return
         if isinstance(said, Returned):
-            job.finish(self._limits)
+            job.finish(said.value, self._limits)
         elif isinstance(said, Raised):
             self._raised(job, said)
         else:
