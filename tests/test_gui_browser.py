@@ -297,6 +297,7 @@ def test_the_keyboard_reaches_everything(page: Page) -> None:
         reached.append(
             page.run(
                 "const e = document.activeElement;"
+                "if (e === document.body) return ['', '', '', true];"
                 "return [e.id, e.getAttribute('aria-label') || e.innerText || '',"
                 " getComputedStyle(e).outlineStyle, !!e.closest('.q-field, .cm-editor')]"
             )
@@ -320,7 +321,7 @@ def test_it_fits(page: Page, width: int) -> None:
             assert page.run("return document.documentElement.scrollWidth") <= width
         for dark in (False, True):
             page.darken(dark)
-            assert page.faint() == []
+            page.until(lambda: page.faint() == [])  # colours fade into one another
     finally:
         page.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
         page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})

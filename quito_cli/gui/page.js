@@ -3,6 +3,7 @@
 
 const quito = {
   KEY: "quito.draft",
+  MOST: 400000, // characters; longer texts are refused by the server anyway
   about: {}, // name, place and settings of the draft, as the server last said them
 
   // The draft lives in the browser's own session too: neither a reload nor a server that was
@@ -10,7 +11,7 @@ const quito = {
   keep(about) {
     if (about) quito.about = about;
     const text = quito.text();
-    if (text === null || quito.about.name === undefined) return;
+    if (text === null || text.length > quito.MOST || quito.about.name === undefined) return;
     const draft = JSON.stringify({ ...quito.about, text });
     if (draft !== quito.kept) {
       try {
@@ -30,6 +31,18 @@ const quito = {
     } catch (damaged) {
       return null;
     }
+  },
+  colours() {
+    try {
+      return localStorage.getItem("quito.colours");
+    } catch (refused) {
+      return null;
+    }
+  },
+  colour(word) {
+    try {
+      localStorage.setItem("quito.colours", word);
+    } catch (refused) { /* for this page, then */ }
   },
   restored() {
     let known = Quasar.Dark.isActive;

@@ -33,7 +33,9 @@ FIRST = "alychan"
 _HERE = Path(__file__).parent
 _DEBOUNCE = 0.35
 """Seconds without typing after which a text is looked at."""
-_WHERE = """(() => ({draft: quito.draft(), dark: Quasar.Dark.isActive}))()"""
+_WHERE = "(() => ({draft: quito.draft(), dark: Quasar.Dark.isActive, colours: quito.colours()}))()"
+_BLANK = Draft("problem.yaml", "own", "", {})
+_COLOURS: dict[str, bool | None] = {"Auto": None, "Light": False, "Dark": True}
 
 
 async def page(services: Services) -> None:
@@ -78,13 +80,15 @@ class View:
             ui.html("quito", tag="h1")
             ui.label("constrained optimal control, solved by clicking").classes("what")
             ui.html("<kbd>Ctrl</kbd> <kbd>Enter</kbd> runs, <kbd>Esc</kbd> cancels").classes("keys")
-            mode = ui.dark_mode(None)
-            colours: dict[bool | None, str] = {None: "Auto", False: "Light", True: "Dark"}
-            words = {word: value for value, word in colours.items()}
-            choice = ui.select(list(words), value="Auto", label="Colours").mark("colours")
-            choice.props("outlined dense options-dense").style("width: 104px")
-            choice.on_value_change(lambda event: mode.set_value(words[str(event.value)]))
+            self._mode = ui.dark_mode(None)
+            self._colours = ui.select(list(_COLOURS), value="Auto", label="Colours").mark("colours")
+            self._colours.props("outlined dense options-dense").style("width: 104px")
+            self._colours.on_value_change(lambda event: self._colour(str(event.value)))
             ui.on("quito-dark", lambda event: self._edit.darken(bool(event.args)))
+
+    def _colour(self, word: str) -> None:
+        self._mode.set_value(_COLOURS[word])
+        ui.run_javascript(f"quito.colour({json.dumps(word)})")
 
     def _tabs(self) -> None:
         names = ("Plots", "Summary", "Certificate", "Compare", "Runs")
@@ -111,16 +115,21 @@ class View:
     async def begin(self, tab: Tab) -> None:
         """Bring back what the tab works on."""
         self._tab = tab
-        known = await ui.run_javascript(_WHERE, timeout=10.0)
-        kept, dark = (known or {}).get("draft"), (known or {}).get("dark")
-        self._edit.darken(bool(dark))
-        draft = draft_of(kept, self._services.most_characters) or tab.draft
+        try:
+            known = dict(await ui.run_javascript(_WHERE, timeout=10.0) or {})
+        except TimeoutError:  # what the server has will do
+            known = {}
+        self._edit.darken(bool(known.get("dark")))
+        if known.get("colours") in _COLOURS:
+            self._colours.set_value(known["colours"])
+        draft = draft_of(known.get("draft"), self._services.most_characters) or tab.draft
         if draft is None:
             text = self._services.shelf.read("library", FIRST)
             draft = Draft(FIRST, "library", text, {})
         await self._take_up(draft)
         ui.run_javascript("quito.restored()")
         self._form.know(await self._services.checker.solvers())
+        self._bar.rest()
         self._runs.fill(tab)
         if tab.shown is not None:
             await self._show(tab.shown)
@@ -130,16 +139,29 @@ class View:
             self._follow()
 
     def _draft(self) -> Draft:
-        assert self._tab.draft is not None
-        return self._tab.draft
+        return self._tab.draft or _BLANK
 
     async def _open(self, draft: Draft) -> None:
-        """Open another problem; the text before it can be brought back."""
+        """Open another problem; an edited text that is not saved can be brought back."""
+        before = self._draft()
+        if before.place == "own" or before.text != self._saved(before):
+            self._tab.put_aside(before)
+        self._tab.aside.pop(draft.name, None)
         await self._take_up(draft)
 
+    def _saved(self, draft: Draft) -> str:
+        """Return the text of a draft as it stands on the shelf; nothing where it does not."""
+        if draft.place == "own":
+            return ""
+        try:
+            return _lines(self._services.shelf.read(draft.place, draft.name))
+        except QuitoError:
+            return ""
+
     async def _take_up(self, draft: Draft) -> None:
+        draft = replace(draft, text=_lines(draft.text))
         self._tab.draft = draft
-        self._choose.show(draft)
+        self._choose.show(draft, self._tab.aside)
         self._edit.show(draft.name, draft.text)
         self._form.begin(draft.name, draft.chosen)
         self._keep()
@@ -156,7 +178,7 @@ class View:
         if draft.place == "library":  # it is that of the library no more
             draft = replace(draft, place="own", name=f"{draft.stem}.yaml")
             self._tab.draft = draft
-            self._choose.show(draft)
+            self._choose.show(draft, self._tab.aside)
             self._edit.rename(draft.name)
             self._form.rename(draft.name)
             self._keep()
@@ -344,3 +366,8 @@ def _last(answer: Answer, seconds: float) -> dict[str, str]:
     if isinstance(figures.get("feasibility"), float):
         said["infeasibility"] = f"{figures['feasibility']:.1e}"
     return said
+
+
+def _lines(text: str) -> str:
+    """Return a text with the breaks of lines that an editor has."""
+    return text.replace("\r\n", "\n").replace("\r", "\n")

@@ -28,6 +28,8 @@ _SHADES = {
     "zone": "var(--arc-bound)",
 }
 """Of the stretches that are shaded; interior arcs are what is left."""
+_WORDS = {"lower": "at a bound", "upper": "at a bound"}
+"""What the legend says of stretches, where it is not what the answer says."""
 _BOUND_POINTS = 60
 
 
@@ -222,7 +224,7 @@ class _Panel:
         if self.chart.marks:
             found.append(Entry("switching time", MARK, "dotted"))
         found += [
-            Entry(span.said, _SHADES[span.kind], "shade")
+            Entry(_WORDS.get(span.kind, span.said), _SHADES[span.kind], "shade")
             for span in self.chart.spans
             if span.kind in _SHADES
         ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from typing import Literal
 
 from nicegui import events, ui
@@ -25,6 +25,7 @@ class Choose:
     ) -> None:
         self._shelf, self._most, self._opened = shelf, most_bytes, opened
         self._draft, self._say = draft, say
+        self._aside: Mapping[str, Draft] = {}
         with ui.element("section").classes("panel choose").props('aria-label="Choose a problem"'):
             self._select = ui.select(
                 self._entries(), label="Problem", with_input=True, on_change=self._chosen
@@ -56,12 +57,13 @@ class Choose:
             for entry in listed
         }
 
-    def show(self, draft: Draft) -> None:
-        """Say which problem is open."""
-        key = f"{draft.place}/{draft.name}"
-        entries = self._entries()
-        if key not in entries:
-            entries = {key: f"{draft.name} – edited here"} | entries
+    def show(self, draft: Draft, aside: Mapping[str, Draft]) -> None:
+        """Say which problem is open, and which edited ones can be brought back."""
+        self._aside = aside
+        key, edited = f"{draft.place}/{draft.name}", [*aside]
+        if draft.place == "own" and draft.name not in aside:
+            edited.append(draft.name)
+        entries = {f"own/{name}": f"{name} – edited here" for name in edited} | self._entries()
         self._quietly = True
         self._select.set_options(entries, value=key)
         self._quietly = False
@@ -73,7 +75,10 @@ class Choose:
             return
         chosen, _, name = str(event.value).partition("/")
         draft = self._draft()
-        if chosen == "own" or (chosen, name) == (draft.place, draft.name):
+        if (chosen, name) == (draft.place, draft.name):
+            return
+        if chosen == "own":
+            await self._opened(self._aside[name])
             return
         place: Literal["library", "folder"] = "library" if chosen == "library" else "folder"
         try:
@@ -122,7 +127,7 @@ async def _asked_name(name: str) -> str | None:
     """Ask under which name to save."""
     with ui.dialog() as dialog, ui.card():
         ui.label("Save in the folder as")
-        field = ui.input("Name", value=name).props("outlined dense autofocus").mark("name")
+        field = ui.input("Name", value=name).props("outlined dense autofocus").mark("name-to-save")
         with ui.row():
             ui.button("Save", on_click=lambda: dialog.submit(field.value)).classes("main").mark(
                 "ok"

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Awaitable, Callable, Sequence
-from dataclasses import replace
 from typing import Any
 
 from nicegui import ui
@@ -20,6 +19,8 @@ _LEAST = 1e-16
 """What an infeasibility of zero is drawn at."""
 _EVERY = 0.25
 """Seconds between two pictures of the progress."""
+_COLOURS = {"infeasibility": "var(--run1)", "objective": "var(--run0)"}
+"""Of the lines, which are named by the figures beside them."""
 _FIGURES = ("iteration", "objective", "infeasibility", "time")
 
 
@@ -40,11 +41,17 @@ class RunBar:
                     self._figures = {name: _figure(name) for name in _FIGURES}
                 self._plot = ui.echart(_progress(()), renderer="svg").mark("progress")
                 self._plot.props('role=img aria-label="Objective and infeasibility by iteration"')
-        self.rest()
+        self._run.disable()
+        self._cancel.disable()
 
     def say(self, text: str, kind: str = "") -> None:
-        """Say what is going on; `kind` is good, bad or nothing."""
-        self._status.set_text(text)
+        """Say what is going on, in a line; all of it where a pointer rests there.
+
+        Args:
+            text: of one line or several.
+            kind: good, bad or nothing.
+        """
+        self._status.set_text(text.partition("\n")[0])
         self._status.classes(replace=f"status {kind}")
         self._status.props(f'title="{_attribute(text)}"')
 
@@ -106,6 +113,8 @@ class RunBar:
 def _figure(name: str) -> ui.label:
     with ui.element("dt"):
         ui.label(name)
+        if name in _COLOURS:
+            ui.element("span").classes("swatch").style(f"color: {_COLOURS[name]}")
     with ui.element("dd"):
         return ui.label("–").mark(name)
 
@@ -117,23 +126,14 @@ def _attribute(text: str) -> str:
 def _progress(history: Sequence[Iterated]) -> dict[str, Any]:
     """Return the small plot: infeasibility on a scale of tens, objective on its own."""
     series = (
-        ("infeasibility", "var(--run1)", [max(p.violation, _LEAST) for p in history], 0),
-        ("objective", "var(--run0)", [p.cost for p in history], 1),
+        ("infeasibility", [max(p.violation, _LEAST) for p in history], 0),
+        ("objective", [p.cost for p in history], 1),
     )
     axis = {"axisTick": {"show": False}, "axisLabel": _label, "axisLine": {"show": False}}
     ends = {"min": "dataMin", "max": "dataMax"}
     return {
         "animation": False,
-        "grid": {"left": 46, "right": 58, "top": 20, "bottom": 18},
-        "legend": {
-            "top": -4,
-            "left": "center",
-            "itemWidth": 16,
-            "itemHeight": 2,
-            "icon": "rect",
-            "selectedMode": False,
-            "textStyle": {"color": "var(--muted)", "fontSize": 11},
-        },
+        "grid": {"left": 44, "right": 44, "top": 8, "bottom": 18},
         "xAxis": axis | ends | {"type": "value", "splitLine": {"show": False}},
         "yAxis": [
             axis
@@ -156,31 +156,19 @@ def _progress(history: Sequence[Iterated]) -> dict[str, Any]:
             {
                 "type": "line",
                 "name": name,
-                "color": colour,
+                "color": _COLOURS[name],
                 "yAxisIndex": side,
                 "symbol": "none",
                 "silent": True,
-                "lineStyle": {"width": 1.6, "color": colour},
+                "lineStyle": {"width": 1.6, "color": _COLOURS[name]},
                 "data": [
-                    [p.iteration, value if math.isfinite(value) else None]
-                    for p, value in zip(_counted(history), values, strict=True)
+                    [p.count, value if math.isfinite(value) else None]
+                    for p, value in zip(history, values, strict=True)
                 ],
             }
-            for name, colour, values, side in series
+            for name, values, side in series
         ],
     }
 
 
 _label = {"color": "var(--muted)", "fontSize": 10, "hideOverlap": True}
-
-
-def _counted(history: Sequence[Iterated]) -> list[Iterated]:
-    """Return the points with iterations that go on from one solve of several to the next."""
-    counted: list[Iterated] = []
-    before = last = 0
-    for point in history:
-        if point.iteration < last:
-            before += last
-        last = point.iteration
-        counted.append(replace(point, iteration=before + last))
-    return counted

@@ -99,8 +99,8 @@ class Form:
         self._fields[setting.name] = field
 
     def _set(self, setting: Setting, value: Any) -> None:
-        if setting.kind == "integer" and isinstance(value, float) and value.is_integer():
-            value = int(value)
+        if isinstance(value, float) and value.is_integer():
+            value = int(value)  # as a person writes it
         if value in (None, "") or value == setting.default:
             self._chosen.pop(setting.name, None)
         else:
@@ -164,5 +164,11 @@ def _helped(setting: Setting) -> str:
     if low is not None and setting.kind != "choice":
         most = f" to {setting.most:g}" if setting.most is not None else ""
         said += f" {'From' if setting.above is None else 'Above'} {low:g}{most}."
-    default = "found from the problem" if setting.default is None else setting.default
+    default = "found from the problem" if setting.default is None else _said(setting.default)
     return f"{said} {'The file asks for' if setting.from_file else 'Default:'} {default}."
+
+
+def _said(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:g}" if isinstance(value, float) else str(value)

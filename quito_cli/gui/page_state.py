@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from quito_cli.gui.checking import Checker
@@ -22,6 +22,7 @@ from quito_cli.gui.shelf import Shelf
 LINGER = 3600.0
 """Seconds that what belongs to a tab is kept without it."""
 _LONGEST_NAME = 200
+_MOST_ASIDE = 5
 Place = Literal["library", "folder", "own"]
 
 
@@ -71,8 +72,8 @@ class Tab:
     session: str
     """Its name at the desk."""
     draft: Draft | None = None
-    put_aside: Draft | None = None
-    """What was being edited before another problem was opened."""
+    aside: dict[str, Draft] = field(default_factory=dict)
+    """What was edited and not saved before another problem was opened, by name."""
     runs: Runs = field(default_factory=Runs)
     count: int = 0
     """Runs so far."""
@@ -86,6 +87,13 @@ class Tab:
     """Jobs laid over it."""
     compared: str | None = None
     """The job of the last comparison."""
+
+    def put_aside(self, draft: Draft) -> None:
+        """Keep a draft to be brought back; of many the last."""
+        self.aside.pop(draft.name, None)
+        self.aside[draft.name] = replace(draft, place="own")
+        while len(self.aside) > _MOST_ASIDE:
+            del self.aside[next(iter(self.aside))]
 
     def run(self, job: str | None) -> Run | None:
         """Return the run of that job; None where it is not kept."""

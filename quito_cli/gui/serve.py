@@ -92,9 +92,12 @@ def _serve(
     async def root() -> None:
         await page(services)
 
+    app.on_exception(_tell)
+    app.on_page_exception(_apologise)
     app.on_startup(lambda: say(address(allowed)))
     app.timer(_SWEEP, services.tabs.sweep)
-    logging.getLogger("nicegui").setLevel(logging.ERROR)
+    if not os.environ.get("QUITO_DEBUG"):  # errors are told on the page, without tracebacks
+        logging.getLogger("nicegui").setLevel(logging.CRITICAL)
     try:
         with suppress(KeyboardInterrupt):
             ui.run(
@@ -120,6 +123,22 @@ def _serve(
         checker.close()
         exporter.close()
         desk.close()
+
+
+def _tell(error: Exception) -> None:
+    """Say on the page that something went wrong in it."""
+    from nicegui import ui
+
+    with suppress(RuntimeError):  # nobody is there to be told
+        message = f"{type(error).__name__}: {error}".splitlines()[0]
+        ui.notify(f"a bug in quito: {message}", type="negative", timeout=0, close_button="Close")
+
+
+def _apologise(error: Exception) -> None:
+    """Say that there is no page, in its place."""
+    from nicegui import ui
+
+    ui.label(f"quito could not make this page: {type(error).__name__}. Please load it again.")
 
 
 def workers() -> int:
