@@ -88,7 +88,7 @@ class View:
 
     def _colour(self, word: str) -> None:
         self._mode.set_value(_COLOURS[word])
-        ui.run_javascript(f"quito.colour({json.dumps(word)})")
+        self._client.run_javascript(f"quito.colour({json.dumps(word)})")
 
     def _tabs(self) -> None:
         names = ("Plots", "Summary", "Certificate", "Compare", "Runs")
@@ -116,7 +116,7 @@ class View:
         """Bring back what the tab works on."""
         self._tab = tab
         try:
-            known = dict(await ui.run_javascript(_WHERE, timeout=10.0) or {})
+            known = dict(await self._client.run_javascript(_WHERE, timeout=10.0) or {})
         except TimeoutError:  # what the server has will do
             known = {}
         self._edit.darken(bool(known.get("dark")))
@@ -127,7 +127,7 @@ class View:
             text = self._services.shelf.read("library", FIRST)
             draft = Draft(FIRST, "library", text, {})
         await self._take_up(draft)
-        ui.run_javascript("quito.restored()")
+        self._client.run_javascript("quito.restored()")
         self._form.know(await self._services.checker.solvers())
         self._bar.rest()
         self._runs.fill(tab)
@@ -169,7 +169,7 @@ class View:
 
     def _keep(self) -> None:
         """Tell the browser what stands beside the text, for the draft it keeps."""
-        ui.run_javascript(f"quito.keep({json.dumps(self._draft().about)})")
+        self._client.run_javascript(f"quito.keep({json.dumps(self._draft().about)})")
 
     def _typed(self, text: str) -> None:
         if self._tab.draft is None or text == self._tab.draft.text:
@@ -328,14 +328,14 @@ class View:
         self._tab.runs.remove(job)
         self._forget(job)
         others = self._tab.runs.kept()
-        if self._tab.shown is None and others:
-            await self._show(others[-1].job)
-        elif self._tab.shown is None:
-            self._verdict.show(None, None)
-            self._plots.show(None, ())
-            self._summary.set_content(summary(None))
-            self._certificate.set_content(certificate(None))
-            self._compare.allow(False)
+        if others:
+            await self._show(self._tab.shown or others[-1].job)
+            return
+        self._verdict.show(None, None)
+        self._plots.show(None, ())
+        self._summary.set_content(summary(None))
+        self._certificate.set_content(certificate(None))
+        self._compare.allow(False)
         self._runs.fill(self._tab)
 
     def _forget(self, job: str) -> None:

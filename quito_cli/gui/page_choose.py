@@ -119,7 +119,7 @@ class Choose:
         except UsageError as error:
             self._say(str(error), "bad")
         else:
-            self._say("saved as {written}", "good")
+            self._say(f"saved as {written}", "good")
             await self._opened(Draft(written, "folder", draft.text, draft.chosen))
 
 

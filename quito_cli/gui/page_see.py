@@ -139,7 +139,7 @@ class Plots:
                 with ui.element("div").props("id=plot") as place:
                     drawing = chart(drawn).mark("chart")
                 place.props(f"data-chart={drawing.id}")
-            ui.run_javascript("quito.band()")
+            self._place.client.run_javascript("quito.band()")
         if plan is not None:
             with self._place:
                 chart(plan).mark("plan")
