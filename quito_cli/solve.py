@@ -36,6 +36,7 @@ class Options:
     mesh_tolerance: float = 1e-3
     mesh_iterations: int = 8
     mesh_limit: int | None = None
+    polish: bool = False
     tolerance: float = 1e-9
     max_iterations: int = 1000
     solver: str = "ipopt"
@@ -75,6 +76,8 @@ class Options:
             "solver_options", {}
         )
         wanted |= asked
+        if wanted.get("polish") and discretization != COLLOCATION:
+            wanted.setdefault("mesh", "adaptive")  # arcs are seen the better, the sharper they are
         refuse_idle(wanted, discretization)
         control = wanted.get("control", cls.control)
         for name in QUASI_INTERPOLANT_ONLY:
@@ -170,6 +173,7 @@ def solve(
     import casadi  # noqa: F401 - before the clock starts
     import numpy as np
 
+    from quito_cli.on_answer import certified, polished
     from quito_cli.on_mesh import Task, method_on
     from quito_cli.on_meshes import solver_of
     from quito_cli.problem.build import build
@@ -196,7 +200,8 @@ def solve(
     task = Task(problem, model, chosen, chosen.tolerance, chosen.max_iterations, True, listener)
     built, warm = time.perf_counter() - started, earlier if chosen.warm_start else None
     if chosen.mesh == "uniform":
-        return _certified(model, task.on(mesh, warm, built))
+        direct = certified(model, task.on(mesh, warm, built))
+        return polished(problem, model, chosen, direct, listener, stop=False)
     order = method_on(chosen, mesh).order
     limits = Limits(
         chosen.mesh_tolerance, chosen.mesh_iterations, chosen.most_cells, np.unique(points)
@@ -204,14 +209,9 @@ def solve(
     with interruptible() as interruption:
         solve_on = solver_of(task, warm, built, interruption)
         refined = refine(model, solve_on, mesh, chosen.substeps, order, limits)
-        return _certified(model, refined)
-
-
-def _certified(model: Model, solution: Solution) -> Solution:
-    """Return an answer with what Pontryagin's conditions say of it."""
-    from quito_cli.optimality.certificate import certify
-
-    return replace(solution, extremal=certify(model, solution))
+        direct = certified(model, refined)
+    stop = direct.success and interruption.requested
+    return polished(problem, model, chosen, direct, listener, stop)
 
 
 def _refuse_warm_start(options: Options, earlier: Solution | None, problem: Problem) -> None:

@@ -15,6 +15,7 @@ from quito_cli.cli.app import main
 COMMANDS = (
     "solve",
     "compare",
+    "batch",
     "check",
     "list",
     "show",

@@ -30,12 +30,13 @@ import quito_cli as quito
 from quito_cli.cli.app import main
 from quito_cli.errors import QuitoError
 from quito_cli.problem.build import build
+from quito_cli.problem.library import bundled
 from quito_cli.problem.load import load_text
 from quito_cli.solvers.outcome import Status
 
 ROOT = Path(__file__).parent.parent
 ACCEPTED = ROOT / "tests" / "problems" / "accepted"
-BUNDLED = sorted(path.stem for path in (ROOT / "problems").glob("*.yaml"))
+BUNDLED = sorted(bundled())
 MAGIC = {"png": b"\x89PNG\r\n\x1a\n", "pdf": b"%PDF-", "svg": b"<?xml"}
 HEAVY = ("casadi", "h5py", "matplotlib", "numpy", "pydantic", "yaml")
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
@@ -147,6 +148,7 @@ OPTIONS: list[tuple[tuple[str, ...], str, Any]] = [
     (("--mesh", "adaptive", "--mesh-iterations", "2"), "mesh_iterations", 2),
     (("--mesh", "adaptive", "--mesh-limit", "9"), "mesh_limit", 9),
     (("--mesh", "adaptive", "--mesh-steps", "5"), "mesh_steps", 5),
+    (("--no-polish",), "polish", False),
     (("--tolerance", "1e-6"), "tolerance", 1e-6),
     (("--max-iterations", "77"), "max_iterations", 77),
     (("--objective-scale", "3"), "objective_scale", 3.0),
@@ -384,7 +386,7 @@ def test_the_command_line_wins_over_the_file_and_the_file_over_defaults(
     }
     unasked = {"path_points": None, "guess": None, "objective_scale": None}
     usual = {"normalised": True, "control": "quasi-interpolant"}
-    usual |= {"solver": "ipopt", "warm_start": False, "mesh": "uniform"}
+    usual |= {"solver": "ipopt", "warm_start": False, "mesh": "uniform", "polish": False}
     assert ran.json["options"] == unasked | asked | usual
     given = ("-N", "6", "--discretization", "rk4", "--solver-option", "mu_init=0.5")
     ran = quito_("solve", file, *given, "--json", "--no-plot")
@@ -625,6 +627,7 @@ def test_help_names_every_option_with_its_default(quito_: Quito) -> None:
             "--output",
         ),
         *("--mesh", "--mesh-steps", "--mesh-tolerance", "--mesh-iterations", "--mesh-limit"),
+        *("--polish", "--no-polish", "--explain"),
         *("--format", "--no-plot", "--json", "--quiet", "--verbose"),
     ):
         assert option in text
@@ -1139,8 +1142,7 @@ options: {steps: 10, variance: 2, path_points: substeps, tolerance: 1e-8}
 TEXTS = [
     *(
         path.read_text(encoding="utf-8")
-        for folder in (ROOT / "problems", ACCEPTED)
-        for path in sorted(folder.glob("*.yaml"))
+        for path in [*bundled().values(), *sorted(ACCEPTED.glob("*.yaml"))]
     ),
     *[EVERY_KEY] * 12,
 ]

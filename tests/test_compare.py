@@ -240,7 +240,8 @@ OURS: dict[str, Any] = {
     ],
 )
 def test_what_a_method_takes_over_from_ours(name: str, own: dict[str, Any]) -> None:
-    shared = {"tolerance": 1e-7, "max_iterations": 77, "solver": "ipopt", "mesh": "uniform"}
+    shared = {"tolerance": 1e-7, "max_iterations": 77, "solver": "ipopt"}
+    shared |= {"mesh": "uniform", "polish": False}
     assert method(name).options(OURS) == shared | own
 
 
@@ -528,15 +529,16 @@ def test_results_that_cannot_be_compared(
     [
         (
             ["known.yaml", "--against", "dircol"],
-            "quito: there is no method 'dircol'; there are lgr, lgr:KxD, adaptive, "
+            "quito: there is no method 'dircol'; there are lgr, lgr:KxD, adaptive, polished, "
             "hermite-simpson, piecewise-constant, gaussian, laguerre4, laguerre6, hermite10, "
             "trigonometric, sech; and self, a finer solve as the truth\n",
         ),
         (
             ["known.yaml", "--against", "hermite-simson"],
             "quito: there is no method 'hermite-simson'; did you mean 'hermite-simpson'?; there "
-            "are lgr, lgr:KxD, adaptive, hermite-simpson, piecewise-constant, gaussian, laguerre4, "
-            "laguerre6, hermite10, trigonometric, sech; and self, a finer solve as the truth\n",
+            "are lgr, lgr:KxD, adaptive, polished, hermite-simpson, piecewise-constant, gaussian, "
+            "laguerre4, laguerre6, hermite10, trigonometric, sech; and self, a finer solve as the "
+            "truth\n",
         ),
         (
             ["known.yaml", "--against", "hermite10", "--variance", "0.1", "-N", "5"],

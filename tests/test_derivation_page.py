@@ -30,12 +30,13 @@ from quito_cli.optimality.transversality import transversality
 from quito_cli.optimality.wording import Writer
 from quito_cli.problem.build import build
 from quito_cli.problem.language.expressions import evaluate, parse
+from quito_cli.problem.library import bundled
 from quito_cli.problem.load import load_text
 from quito_cli.problem.named import with_named_constants
 from quito_cli.problem.schema import Problem
 
 ROOT = Path(__file__).parent.parent
-BUNDLED = sorted(path.stem for path in (ROOT / "problems").glob("*.yaml"))
+BUNDLED = sorted(bundled())
 
 
 def problem(text: str) -> Problem:

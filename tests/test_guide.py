@@ -25,7 +25,7 @@ from quito_cli.solve import Options
 ROOT = Path(__file__).parent.parent
 FOLDER = ROOT / "problems"
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in sorted(FOLDER.glob("*.md"))}
-NO_FAMILY = {"README.md", "options.md", "adaptive-mesh.md"}
+NO_FAMILY = {"README.md", "options.md", "adaptive-mesh.md", "polish.md"}
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 

@@ -23,6 +23,7 @@ from quito_cli.optimality.probes import Probe
 from quito_cli.optimality.singular import Singular, singular
 from quito_cli.optimality.transversality import point_jumps, transversality
 from quito_cli.problem.build import build
+from quito_cli.problem.library import bundled
 from quito_cli.problem.load import load_text
 from quito_cli.problem.model import Known, Model
 
@@ -30,7 +31,7 @@ Array = NDArray[np.float64]
 Build = Callable[[str], Model]
 
 ROOT = Path(__file__).parent.parent
-BUNDLED = sorted(path.stem for path in (ROOT / "problems").glob("*.yaml"))
+BUNDLED = sorted(bundled())
 DERIVED = sorted(
     path.stem
     for path in (ROOT / "tests" / "derivations").glob("*.py")

@@ -90,6 +90,7 @@ def test_defaults_are_those_of_the_design() -> None:
         mesh_tolerance=1e-3,
         mesh_iterations=8,
         mesh_limit=None,
+        polish=False,
         tolerance=1e-9,
         max_iterations=1000,
         solver="ipopt",
@@ -113,6 +114,7 @@ GIVEN: dict[str, tuple[Any, Any]] = {
     "mesh_tolerance": (1e-2, 1e-4),
     "mesh_iterations": (3, 5),
     "mesh_limit": (150, 180),
+    "polish": (True, False),
     "tolerance": (1e-5, 1e-6),
     "max_iterations": (3, 4),
     "path_points": ("nodes", "substeps"),
@@ -274,6 +276,37 @@ def test_the_most_cells_an_adaptive_mesh_may_come_to() -> None:
             resolve({"mesh": "adaptive"}, **given)
 
 
+# Polish
+
+
+def test_a_polish_takes_an_adaptive_mesh_unless_one_is_asked_for() -> None:
+    assert resolve(polish=True).mesh == "adaptive"
+    assert resolve({"polish": True}).mesh == "adaptive"
+    assert resolve({"polish": True}, polish=False).mesh == "uniform"
+    for file, given in (
+        ({"mesh": "uniform"}, {"polish": True}),
+        ({"polish": True}, {"mesh": "uniform"}),
+        ({"polish": True, "mesh": "uniform"}, {}),
+    ):
+        chosen = resolve(file, **given)
+        assert (chosen.polish, chosen.mesh) == (True, "uniform")
+    assert resolve(polish=True, control="piecewise-constant").mesh == "adaptive"
+    chosen = resolve({"steps": 300}, polish=True)
+    assert (chosen.steps, chosen.record["mesh_steps"]) == (100, 100), "as --mesh adaptive has it"
+    assert resolve({"steps": 300}, polish=True, steps=40).steps == 40
+    assert resolve(polish=True, mesh_limit=150).most_cells == 150
+
+
+def test_a_collocation_may_be_polished_on_its_equal_cells() -> None:
+    for file in ({}, {"discretization": "lgr"}, {"mesh": "adaptive"}):
+        chosen = resolve(file, polish=True, discretization="lgr")
+        assert (chosen.polish, chosen.mesh) == (True, "uniform")
+    assert resolve({"discretization": "lgr", "polish": True}).mesh == "uniform"
+    assert resolve({"discretization": "lgr", "polish": True}, discretization="rk4").mesh == (
+        "adaptive"
+    )
+
+
 # What is refused
 
 
@@ -309,6 +342,8 @@ def test_the_most_cells_an_adaptive_mesh_may_come_to() -> None:
         ("mesh_iterations", 2.5),
         ("mesh_limit", 3),
         ("mesh_limit", 1e6),
+        ("polish", "perhaps"),
+        ("polish", 2),
         ("tolerance", 0),
         ("tolerance", 1),
         ("max_iterations", -1),

@@ -230,13 +230,28 @@ def test_the_adaptive_solve_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert (ROOT / "problems" / "mesh.svg").is_file()
 
 
+def test_the_polish_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    _, *arguments = marked("command: polish").split()
+    assert run([*arguments, "--no-plot"], monkeypatch) == 0
+    assert "The polish, step by step" in capsys.readouterr().out
+    solution = quito.Solution.load(tmp_path / "results" / "van_der_pol.h5")
+    assert solution.polished
+    known = solution.reference
+    assert known is not None
+    assert solution.switching_times == pytest.approx(known.switching_times, abs=1e-8)
+    assert solution.cost == pytest.approx(known.cost, rel=1e-8)
+
+
 def test_the_columns_of_a_comparison() -> None:
     text = section("Held against the truth, and against others")
     rows = re.findall(r"^\| (`.+?) \|", text.split("| column |")[1].split("| option |")[0], re.M)
     known = {column.heading for given in COLUMNS.values() for column in given}
     said = {name for row in rows for name in re.findall(r"`([\w -]+)`", row)}
     assert said <= known
-    every = {"unknowns", "iterations", "build s", "solve s", "in all s"}
+    every = {"unknowns", "iterations", "build s", "solve s", "polish s", "in all s"}
     assert known - said == every | {"error", "its error", "states"}
 
 

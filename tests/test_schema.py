@@ -11,6 +11,7 @@ from jsonschema import Draft7Validator, Draft202012Validator
 from pydantic import ValidationError
 
 from quito_cli.problem.json_schema import schema_text
+from quito_cli.problem.library import bundled
 from quito_cli.problem.schema import Control, Cost, Problem, State, Time
 from quito_cli.problem.schema_reference import Reference
 from quito_cli.problem.text.complaints import ProblemError
@@ -18,7 +19,7 @@ from quito_cli.problem.text.strict_yaml import read
 
 TESTS = Path(__file__).parent
 COMMITTED = TESTS.parent / "schemas" / "problem.schema.json"
-BUNDLED = sorted((TESTS.parent / "problems").glob("*.yaml"))
+BUNDLED = sorted(bundled().values())
 ACCEPTED = sorted((TESTS / "problems" / "accepted").glob("*.yaml"))
 
 REFUSED = sorted((TESTS / "problems" / "refused").glob("*.yaml"))

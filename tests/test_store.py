@@ -21,6 +21,7 @@ import xarray
 import quito_cli as quito
 from quito_cli.problem.load import load_text
 from quito_cli.solution import store, writing
+from quito_cli.solution.polishing import Polishing, PolishStatus, PolishStep
 
 Solve = Callable[..., quito.Solution]
 
@@ -272,6 +273,52 @@ def test_a_file_from_before_adaptive_meshes_is_read(saved: Path, solve: Solve) -
     assert loaded.refinement is None
     assert (loaded.junctions, loaded.switching_times) == ((), ())
     assert equal(loaded, replace(solve("van_der_pol", steps=20), junctions=()))
+
+
+POLISHING = Polishing(
+    PolishStatus.REFUSED,
+    "the sign of dH/du fails at t = 0.5 — by 1e-3",
+    (
+        PolishStep("assume", "u: upper until 0.5, lower from there on"),
+        PolishStep("solve", "three steps", (1.0, 1e-5, 3.3e-15)),
+        PolishStep("drop", "nothing", (math.nan,)),
+    ),
+    3.3e-15,
+    0.25,
+    1.0 / 3.0,
+    7,
+    3,
+)
+
+
+@pytest.mark.parametrize(
+    "account", [POLISHING, replace(POLISHING, steps=(), reason="", residual=math.nan)]
+)
+def test_the_account_of_a_polish_is_read_as_it_was_written(
+    account: Polishing, tmp_path: Path, solve: Solve
+) -> None:
+    solution = solve("van_der_pol", steps=20)
+    assert solution.polishing is None
+    polished = replace(solution, polishing=account)
+    polished.save(tmp_path / "a.h5")
+    assert equal(quito.Solution.load(tmp_path / "a.h5"), polished)
+    with xarray.open_dataset(tmp_path / "a.h5", group="polishing", engine="h5netcdf") as data:
+        assert data["sentence"].dims == ("step",)
+        assert data["residuals"].values.tolist() == [len(s.residuals) for s in account.steps]
+        assert data["residual"].dims == ("solve",)
+
+
+@pytest.mark.parametrize("where", ["status", "action"])
+def test_an_account_with_a_word_that_there_is_not_is_refused(
+    where: str, saved: Path, solve: Solve
+) -> None:
+    replace(solve("van_der_pol", steps=20), polishing=POLISHING).save(saved)
+    with h5py.File(saved, "r+") as file:
+        if where == "status":
+            file["polishing"].attrs["status"] = "SHINY"
+        else:
+            file["polishing/action"][0] = "guess"
+    refused(saved)
 
 
 # What others see

@@ -78,6 +78,7 @@ class Worker:
             memory: bytes it may hold, with what it starts; None: without limit.
         """
         self.memory = memory
+        """Holds from the next job on."""
         self.busy = False
         """Whether a job is at work."""
         self._process: _Process | None = None
@@ -101,8 +102,9 @@ class Worker:
             self._process.leave()
             self._process = None
         if self._process is None:
-            self._process = _Process(self.memory)
+            self._process = _Process()
             self._settled = 0
+        self._process.memory = self.memory
         self.busy = True
         with suppress(OSError):  # of one that has died in the meantime `receive` will tell
             self._process.connection.send_bytes(job)
@@ -157,7 +159,7 @@ class Worker:
 class _Process:
     """One interpreter, from its start to its end."""
 
-    def __init__(self, memory: int | None) -> None:
+    def __init__(self) -> None:
         ours, theirs = Pipe()
         with theirs:
             self._popen = subprocess.Popen(
@@ -176,7 +178,7 @@ class _Process:
         self.connection = ours
         self._tail = b""
         self._excess = 0
-        self._memory = memory
+        self.memory: int | None = None
         self._ended = threading.Event()
         self._ending = threading.Lock()
         self._watcher = threading.Thread(target=self._watch, daemon=True)
@@ -212,7 +214,7 @@ class _Process:
         code = self.end(_GRACE)
         printed = self._tail.decode(errors="replace").strip()
         if self._excess:
-            held, most = in_words(self._excess), in_words(self._memory or 0)
+            held, most = in_words(self._excess), in_words(self.memory or 0)
             return Died(code, f"it held {held}, and the limit is {most}", True, printed)
         if code == EXHAUSTED:
             return Died(code, "the system had no more memory for it", True, printed)
@@ -239,7 +241,7 @@ class _Process:
                     self._tail = (self._tail + printed)[-_TAIL:]
                     if not printed:
                         return
-                if self._memory is not None and not self._excess and self.rss() > self._memory:
+                if self.memory is not None and not self._excess and self.rss() > self.memory:
                     self._excess = self.rss()
                     self._kill()
 

@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from quito_cli import __version__
+from quito_cli.cli.batch import batch
 from quito_cli.cli.check import check
 from quito_cli.cli.compare import compare
 from quito_cli.cli.generating_functions import generating_functions
@@ -58,6 +59,7 @@ def _quito(
 
 app.command("solve")(solve)
 app.command("compare")(compare)
+app.command("batch")(batch)
 app.command("check")(check)
 app.command("list")(list_problems)
 app.command("show")(show)

@@ -48,7 +48,8 @@ def compare(
             help="Methods to solve it by, too: lgr (N/4 intervals of degree 4), lgr:KxD (K "
             "intervals of degree D), hermite-simpson (piecewise linear controls, as DIRCOL), "
             "piecewise-constant (as MISER and ACADO), adaptive (ours on a mesh that follows the "
-            "control), or a generating function: gaussian, "
+            "control), polished (that, and Pontryagin's conditions solved with its structure), or "
+            "a generating function: gaussian, "
             "laguerre4, laguerre6, hermite10, trigonometric, sech. And self: a finer solve, of "
             "four times the cells, as the truth; so it is where the file has no reference. May be "
             "repeated.",
@@ -82,6 +83,14 @@ def compare(
     mesh: Annotated[
         str | None,
         typer.Option(help=f"Of our row: uniform or adaptive. [default: {Options.mesh}]"),
+    ] = None,
+    polish: Annotated[
+        bool | None,
+        typer.Option(
+            "--polish/--no-polish",
+            help="Of our row: as in solve. [default: no-polish]",
+            show_default=False,
+        ),
     ] = None,
     tolerance: Tolerance = None,
     max_iterations: MaxIterations = None,
@@ -171,6 +180,7 @@ def compare(
         "discretization": discretization,
         "substeps": substeps,
         "mesh": mesh,
+        "polish": polish,
         "tolerance": tolerance,
         "max_iterations": max_iterations,
         "solver": solver,

@@ -31,6 +31,16 @@ Tolerance = Annotated[
 MaxIterations = Annotated[
     int | None, typer.Option(help=f"Of the solver. [default: {Options.max_iterations}]")
 ]
+Polish = Annotated[
+    bool | None,
+    typer.Option(
+        "--polish/--no-polish",
+        help="Solve Pontryagin's conditions with the structure that the answer shows, to near "
+        "machine precision; the direct answer stands where that comes to nothing. Takes an "
+        "adaptive mesh unless one is asked for. [default: no-polish]",
+        show_default=False,
+    ),
+]
 Settings = Annotated[
     list[str] | None,
     typer.Option(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from quito_cli.cli.polishing import account
 from quito_cli.cli.text import columns, labelled, plain
 from quito_cli.summary.meshes import round_rows
 from quito_cli.summary.rows import option_rows, summary_rows
@@ -18,9 +19,13 @@ _MOST_VIOLATIONS = 12
 
 
 def print_solution(
-    solution: Solution, *, verbose: bool, files: tuple[Path | None, ...] = ()
+    solution: Solution,
+    *,
+    verbose: bool,
+    files: tuple[Path | None, ...] = (),
+    explain: bool = False,
 ) -> None:
-    """Print the summary with its evidence."""
+    """Print the summary with its evidence; with `explain` the account of its polish, too."""
     good = solution.success
     word = typer.style(
         "Solved." if good else "Not solved.", bold=True, fg="green" if good else "red"
@@ -31,6 +36,8 @@ def print_solution(
         + "".join(f"\n  {plain(sentence)}" for sentence in solution.evidence.diagnosis),
         labelled(summary_rows(solution, verbose=verbose)),
     ]
+    if explain and solution.polishing is not None:
+        paragraphs.append(account(solution.polishing))
     if verbose:
         if solution.refinement is not None:
             paragraphs.append(columns(round_rows(solution.refinement), header=True))

@@ -60,18 +60,17 @@ def show(
             help="Of a result, all of Pontryagin's conditions with their residuals and verdicts.",
         ),
     ] = False,
+    explain: Annotated[
+        bool,
+        typer.Option(
+            "--explain", help="Of a polished result, what was assumed, tried and found, by step."
+        ),
+    ] = False,
 ) -> None:
     """Show a result with its evidence, or a problem as mathematics."""
     from quito_cli.solution.store import is_result
 
-    if as_yaml + latex + as_json > 1:
-        raise UsageError("--yaml, --latex and --json exclude each other")
-    if pontryagin and (as_yaml or as_json):
-        raise UsageError("--pontryagin goes with --latex only")
-    if certificate and (as_yaml or latex or as_json or pontryagin):
-        raise UsageError(
-            "--certificate goes with no other option; --json without it has the certificate too"
-        )
+    _refuse_together(as_yaml, latex, as_json, pontryagin, certificate, explain)
     if Path(what).suffix == ".h5" or is_result(Path(what)):
         if pontryagin:
             raise UsageError(f"{what} is a result: --pontryagin takes the problem, so name that")
@@ -79,6 +78,8 @@ def show(
             raise UsageError(f"{what} is a result: --yaml and --latex are for problems")
         if certificate:
             _show_certificate(Path(what))
+        elif explain:
+            _show_polish(Path(what))
         else:
             _show_result(Path(what), as_json)
     elif certificate:
@@ -87,12 +88,40 @@ def show(
             f"{Path(what).stem}.h5; quito show {what} --pontryagin says what the conditions of a "
             "problem are"
         )
+    elif explain:
+        raise UsageError(
+            f"{what} is no result: --explain takes the file of one that was polished; quito solve "
+            f"{what} --polish --explain makes one"
+        )
     elif as_yaml:
         _print_file(what)
     elif pontryagin:
         _show_derivation(what, latex)
     else:
         _show_problem(what, as_json, latex)
+
+
+def _refuse_together(
+    as_yaml: bool, latex: bool, as_json: bool, pontryagin: bool, certificate: bool, explain: bool
+) -> None:
+    """Refuse two pages at once.
+
+    Raises:
+        UsageError: naming them.
+    """
+    if as_yaml + latex + as_json > 1:
+        raise UsageError("--yaml, --latex and --json exclude each other")
+    if pontryagin and (as_yaml or as_json):
+        raise UsageError("--pontryagin goes with --latex only")
+    others = as_yaml or latex or as_json or pontryagin
+    if certificate and (others or explain):
+        raise UsageError(
+            "--certificate goes with no other option; --json without it has the certificate too"
+        )
+    if explain and others:
+        raise UsageError(
+            "--explain goes with no other option; --json without it has the polish too"
+        )
 
 
 def _show_result(path: Path, as_json: bool) -> None:
@@ -118,6 +147,19 @@ def _show_certificate(path: Path) -> None:
             "it again"
         )
     typer.echo(certificate_page(solution, _room()))
+
+
+def _show_polish(path: Path) -> None:
+    from quito_cli.cli.polishing import polish_page
+    from quito_cli.solution.solution import Solution
+
+    solution = Solution.load(path)
+    if solution.polishing is None:
+        raise UsageError(
+            f"{path} was not to be polished, so there is nothing to explain: solve it again with "
+            "--polish"
+        )
+    typer.echo(polish_page(solution))
 
 
 def _room() -> int | None:

@@ -11,12 +11,14 @@ import typer
 from quito_cli.cli.options import (
     GeneratingFunction,
     MaxIterations,
+    Polish,
     Settings,
     Steps,
     Substeps,
     Tolerance,
 )
 from quito_cli.cli.output import Picture, check_folder, check_picture
+from quito_cli.errors import UsageError
 from quito_cli.solve import Options
 from quito_cli.solve import solve as run
 
@@ -95,6 +97,13 @@ def solve(
             show_default=False,
         ),
     ] = None,
+    polish: Polish = None,
+    explain: Annotated[
+        bool,
+        typer.Option(
+            "--explain", help="Of a polish, say step by step what was assumed, tried and found."
+        ),
+    ] = False,
     tolerance: Tolerance = None,
     max_iterations: MaxIterations = None,
     solver: Annotated[
@@ -157,6 +166,8 @@ def solve(
     check_picture(picture)
     check_folder(output)
     loaded = load(problem, constants)
+    if explain:
+        _refuse_unexplained(loaded.options.polish if polish is None else polish, as_json or quiet)
     with ProgressLine(quiet=quiet, every_line=verbose and not as_json) as progress:
         solution = run(
             loaded,
@@ -174,6 +185,7 @@ def solve(
             mesh_tolerance=mesh_tolerance,
             mesh_iterations=mesh_iterations,
             mesh_limit=mesh_limit,
+            polish=polish,
             tolerance=tolerance,
             max_iterations=max_iterations,
             solver=solver,
@@ -194,10 +206,26 @@ def solve(
     if as_json:
         typer.echo(json.dumps(as_dictionary(solution, result, plotted), ensure_ascii=False))
     elif not quiet:
-        print_solution(solution, verbose=verbose, files=(result, plotted))
+        print_solution(solution, verbose=verbose, files=(result, plotted), explain=explain)
+    if solution.interrupted:
+        raise typer.Exit(INTERRUPTED)
     if not solution.success:
-        interrupted = solution.status.name == "INTERRUPTED"
-        raise typer.Exit(INTERRUPTED if interrupted else 1)
+        raise typer.Exit(1)
+
+
+def _refuse_unexplained(polish: bool | None, silent: bool) -> None:
+    """Refuse to explain a polish that is not asked for, or where nothing is printed.
+
+    Raises:
+        UsageError: saying what to do instead.
+    """
+    if not polish:
+        raise UsageError("--explain tells what a polish did: add --polish")
+    if silent:
+        raise UsageError(
+            "--explain prints a page: leave --json and --quiet out; --json has the account of a "
+            "polish in any case, and quito show RESULT.h5 --explain prints it later"
+        )
 
 
 def _solver_options(given: dict[str, str]) -> dict[str, Any]:

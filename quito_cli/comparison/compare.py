@@ -33,7 +33,7 @@ from quito_cli.problem.schema import Problem
 from quito_cli.problem.text.complaints import ProblemError
 from quito_cli.solution.solution import Solution
 from quito_cli.solve import Options, solve
-from quito_cli.solvers.outcome import Progress, Status
+from quito_cli.solvers.outcome import Progress
 
 Listener = Callable[[str, Progress], None]
 """Told of every iteration, and of which method it is."""
@@ -44,7 +44,7 @@ FINER: Final = 4
 """Cells of the solve that is the truth, for each of ours."""
 OF_OUR_ROW: Final = (
     *("steps", "variance", "generating_function", "normalised", "control"),
-    *("discretization", "substeps", "degree", "mesh", "guess", "warm_start"),
+    *("discretization", "substeps", "degree", "mesh", "polish", "guess", "warm_start"),
 )
 """Options that a saved result has settled."""
 
@@ -95,11 +95,12 @@ def compare(
     last = answers[-1][1]
     notes: list[str] = []
     truth = None if against_self else from_reference(model)
-    if truth is None and last.status is not Status.INTERRUPTED:
+    if truth is None and not last.interrupted:
         asked = saved is not None or options.get("steps") is not None
         last = _finer(problem, ours, asked, listener)
         truth, notes = _as_truth(last, model, against_self)
-    interrupted = last.status is Status.INTERRUPTED
+    notes += [_unpolished(method, solution) for method, solution in answers if _lacks(solution)]
+    interrupted = last.interrupted
     if interrupted:
         notes.append("interrupted: what was to follow was not solved")
     setting = Setting(samples or SAMPLES * control_points(ours), zone)
@@ -156,12 +157,23 @@ def _solved(
     """Solve by all other methods, up to an interruption."""
     found: list[tuple[str, Solution]] = []
     for method, options in others:
-        if solution.status is Status.INTERRUPTED:
+        if solution.interrupted:
             break
         told = _told(listener, method.name)
         solution = _named(method.name, partial(solve, problem, listener=told, **options))
         found.append((method.name, solution))
     return found
+
+
+def _lacks(solution: Solution) -> bool:
+    """Whether an answer was to be polished, and is not."""
+    return solution.polishing is not None and not solution.polished
+
+
+def _unpolished(method: str, solution: Solution) -> str:
+    """Return what the row of such an answer is."""
+    assert solution.polishing is not None
+    return f"{method} is the direct answer: {solution.polishing.outcome}"
 
 
 def _finer(
@@ -189,7 +201,10 @@ def _as_truth(finer: Solution, model: Model, wanted: bool) -> tuple[Truth | None
         said = finer.status.value.removesuffix(".")
         notes.append(f"that did not converge, so no errors are known: {said}")
         return None, notes
-    truth = from_solution(finer, f"a solve on {len(finer.times) - 1} cells", known)
+    if _lacks(finer):
+        notes.append(_unpolished("what it is held against", finer))
+    cells, word = len(finer.times) - 1, "segments, polished" if finer.polished else "cells"
+    truth = from_solution(finer, f"a solve on {cells} {word}", known)
     if not wanted and known is not None and known.cost is not None:
         notes.append("the cost is held against the file's")
         truth = replace(truth, cost=known.cost, accuracy=known.accuracy)

@@ -106,6 +106,12 @@ class Row:
         statistics = self.solution.statistics
         return statistics.build_seconds + statistics.solve_seconds
 
+    @property
+    def polish_seconds(self) -> float | None:
+        """Of solving, those of the polish; None where none was asked for."""
+        polishing = self.solution.polishing
+        return None if polishing is None else polishing.seconds
+
 
 @dataclass(frozen=True)
 class Comparison:

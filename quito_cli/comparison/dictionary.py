@@ -40,6 +40,7 @@ def _row(comparison: Comparison, row: Row) -> dict[str, Any]:
         "success": row.solution.success,
         "status": solution.status.name.lower(),
         "message": solution.status.value,
+        "polished": None if solution.polishing is None else solution.polished,
     }
     said |= {column.key: column.value(row) for given in COLUMNS.values() for column in given}
     known = truth.switching_times if truth else ()

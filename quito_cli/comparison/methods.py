@@ -34,6 +34,7 @@ _CLASSICAL: Final[Mapping[str, Settings]] = {
     "piecewise-constant": {"control": "piecewise-constant"},
 }
 _ADAPTIVE: Final = "adaptive"
+_POLISHED: Final = "polished"
 _LGR_DEGREE: Final = 4
 _LGR = re.compile(r"lgr:(?P<intervals>[1-9][0-9]{0,6})x(?P<degree>[1-9][0-9]{0,3})")
 _QUASI_INTERPOLANT: Final = "quasi-interpolant:"
@@ -53,6 +54,7 @@ METHODS: Final = (
     "lgr",
     "lgr:KxD",
     _ADAPTIVE,
+    _POLISHED,
     "hermite-simpson",
     "piecewise-constant",
     *get_args(GeneratingFunctionName),
@@ -91,9 +93,10 @@ def method(name: str) -> Method:
     if function in get_args(GeneratingFunctionName):
         own = {"control": "quasi-interpolant", "generating_function": function}
         return Method(name, lambda ours: _shooting(ours, (*_OF_SHOOTING, "variance")) | own)
-    if name == _ADAPTIVE:
+    if name in (_ADAPTIVE, _POLISHED):
         names = tuple(set(_OF_SHOOTING) - {"steps"}) + QUASI_INTERPOLANT_ONLY
-        return Method(name, lambda ours: _shooting(ours, names) | {"mesh": "adaptive"})
+        meshed: Settings = {"mesh": "adaptive", "polish": name == _POLISHED}
+        return Method(name, lambda ours: _shooting(ours, names) | dict(meshed))
     if name == "lgr":
         share = _LGR_DEGREE
         return Method(name, lambda ours: _lgr(ours, control_points(ours) // share, share))
@@ -117,15 +120,21 @@ def control_points(ours: Settings) -> int:
 
 
 def again(ours: Settings) -> dict[str, Any]:
-    """Return the options of a solve like ours, to be asked for by name."""
+    """Return the options of a solve like ours, to be asked for by name.
+
+    Of a polished answer that is polished too: what is not would be no truth to hold it against.
+    """
+    polish = {"polish": bool(ours.get("polish"))}
     if ours["discretization"] == "lgr":
-        return _lgr(ours, int(ours["steps"]), int(ours["degree"]))
+        return _lgr(ours, int(ours["steps"]), int(ours["degree"])) | polish
     own = QUASI_INTERPOLANT_ONLY if ours["control"] == "quasi-interpolant" else ()
-    return _like(ours, (*_OF_SHOOTING, "control", *own))
+    return _like(ours, (*_OF_SHOOTING, "control", *own)) | polish
 
 
 def name_of(ours: Settings) -> str:
     """Return what a solve with these options is called in a table."""
+    if ours.get("polish"):
+        return _POLISHED
     if ours["discretization"] == "lgr":
         return f"lgr:{ours['steps']}x{ours['degree']}"
     if ours.get("mesh") == "adaptive" and ours["control"] == "quasi-interpolant":
@@ -154,4 +163,4 @@ def _shooting(ours: Settings, names: tuple[str, ...]) -> dict[str, Any]:
 def _like(ours: Settings, names: tuple[str, ...]) -> dict[str, Any]:
     """Return those of our options, where they say something, for equal cells."""
     said = {name: ours[name] for name in names if ours.get(name) not in (None, {})}
-    return said | {"mesh": "uniform"}
+    return said | {"mesh": "uniform", "polish": False}

@@ -18,8 +18,9 @@ FARTHEST = 1 / 7
 """Of the horizon, from the truth's switching time."""
 POINTS = 4001
 """Looked at around it."""
-CLOSER = 1
-"""Times that the neighbourhood of a crossing is looked at by as many points."""
+CLOSER = 3
+"""Times that the neighbourhood of a crossing is looked at by as many points: a jump is found to
+rounding."""
 JUMP = 1e-3
 """Smallest jump, over the span of the control."""
 STEEPER = 2.0

@@ -84,7 +84,11 @@ COLUMNS: Final[Mapping[str, tuple[Column, ...]]] = {
             lambda row: row.solution.statistics.solve_seconds,
         ),
         Column(
-            *("seconds", "in all s", "in all [s]", ".2g", "both together"),
+            *("polish_seconds", "polish s", "polish [s]", ".2g", "of that, in the polish"),
+            lambda row: row.polish_seconds,
+        ),
+        Column(
+            *("seconds", "in all s", "in all [s]", ".2g", "build and solve together"),
             lambda row: row.seconds,
             "time",
         ),
@@ -240,8 +244,11 @@ def by_control(comparison: Comparison) -> Table | None:
 
 
 def called(row: Row) -> str:
-    """Return the name of a row, marked where it is no answer."""
-    return row.method if row.solution.success else f"{row.method} (not solved)"
+    """Return the name of a row, marked where it is no answer, or not the polished one."""
+    if not row.solution.success:
+        return f"{row.method} (not solved)"
+    unpolished = row.solution.polishing is not None and not row.solution.polished
+    return f"{row.method} (not polished)" if unpolished else row.method
 
 
 def _tool(row: Published) -> str:

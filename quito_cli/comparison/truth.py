@@ -44,18 +44,23 @@ def from_reference(model: Model) -> Truth | None:
 
 
 def from_solution(solution: Solution, title: str, known: Known | None = None) -> Truth:
-    """Return a solve as the truth, with the switching times that the file knows."""
+    """Return a solve as the truth, with the switching times that the file knows.
+
+    A polished one knows them itself, and its jumps are jumps.
+    """
     start, end = float(solution.times[0]), float(solution.times[-1])
+    own = solution.switching_times if solution.polished else ()
+    blur = min(BLUR * float(np.diff(solution.times).max()), MOST_BLUR * (end - start))
     return Truth(
         title,
         solution.cost,
         None,
-        known.switching_times if known else (),
+        known.switching_times if known else own,
         solution.control,
         solution.state,
         tuple(float(t) for t in solution.times),
         (start, end),
-        blur=min(BLUR * float(np.diff(solution.times).max()), MOST_BLUR * (end - start)),
+        blur=0.0 if solution.polished else blur,
     )
 
 

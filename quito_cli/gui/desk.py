@@ -24,7 +24,6 @@ import itertools
 import multiprocessing
 import multiprocessing.connection
 import shutil
-import tempfile
 import threading
 from collections.abc import AsyncIterator
 from contextlib import suppress
@@ -33,6 +32,7 @@ from pathlib import Path
 from typing import cast
 
 from quito_cli.errors import UsageError
+from quito_cli.gui.folders import new_folder
 from quito_cli.gui.job import (
     Failed,
     Finished,
@@ -73,13 +73,14 @@ class Desk:
     def __init__(self, limits: Limits, workers: int, folder: Path | None = None) -> None:
         """Make the folder of the server, a new temporary one unless it is given; warm up."""
         self.limits = limits
-        self.folder = folder or Path(tempfile.mkdtemp(prefix="quito-gui-"))
+        self.folder = folder or new_folder()
         """Of the jobs' folders; removed at the end."""
         self._lock = threading.Lock()
         self._jobs: dict[str, Job] = {}
         self._queue: list[Job] = []
         self._numbers = itertools.count(1)
-        self._places = [Place(limits) for _ in range(workers)]
+        spare = self.folder / "warm-up"
+        self._places = [Place(limits, spare) for _ in range(workers)]
         self._bell, self._ring = multiprocessing.Pipe(duplex=False)
         self._closed = False
         self._clerk = threading.Thread(target=self._serve, name="quito desk", daemon=True)

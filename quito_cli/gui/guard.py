@@ -37,10 +37,8 @@ _POLICY: Final = (
     "default-src 'none'",
     "script-src 'self' 'unsafe-inline' 'unsafe-eval'",  # NiceGUI starts inline; Vue compiles
     "style-src 'self' 'unsafe-inline'",  # Quasar's and Vue's styles are attributes
-    "img-src 'self' data: blob:",
-    "font-src 'self' data:",
-    "worker-src 'self' blob:",
-    "manifest-src 'self'",
+    "img-src 'self' data:",
+    "font-src 'self'",
     "base-uri 'none'",
     "form-action 'self'",
     "frame-ancestors 'none'",

@@ -180,8 +180,9 @@ class Job:
 class Place:
     """A worker with the job it is at; for the clerk alone."""
 
-    def __init__(self, limits: Limits) -> None:
-        self._limits = limits
+    def __init__(self, limits: Limits, folder: Path) -> None:
+        """Prepare; `folder` is for what is of no job."""
+        self._limits, self._folder = limits, folder
         self._worker = Worker(limits.memory)
         self.job: Job | None = None
         """None where it waits, or is warming up."""
@@ -198,7 +199,7 @@ class Place:
 
     def warm(self) -> None:
         """Let the worker load what every solve needs, before there is one."""
-        self._worker.start(warm_up)
+        self._worker.start(warm_up, self._folder)
 
     def start(self, job: Job) -> None:
         """Begin a job.

@@ -28,8 +28,8 @@ USUAL: Final[tuple[str, ...]] = (
     *("solver", "tolerance"),
 )
 """Those of a form at first sight, in their order; one that there is none of is left out."""
-_LEADING: Final = ("discretization", "control", "mesh", "polish", "solver")
-"""What other options may mean nothing beside."""
+_LEADING: Final[tuple[str, ...]] = ("discretization", "control", "mesh", "polish", "solver")
+"""What other options may mean nothing beside; the first wins."""
 _NOT_HERE: Final = ("solver_options", "warm_start")
 """For the command line: they have no field, or need a result file."""
 _KINDS: Final[Mapping[str, Kind]] = {
@@ -233,24 +233,29 @@ def _out_of_range(name: str, value: Any) -> str:
 def _sorted_out(
     chosen: Mapping[str, Any], file: FileOptions
 ) -> tuple[dict[str, Any], frozenset[str]]:
-    """Return what is chosen and means something, and the names of all that mean nothing."""
+    """Return what is chosen and means something, and the names of all that mean nothing.
+
+    A number means nothing where any is refused: one that is wrong, or too small beside others, is
+    the user's mistake, and to be told.
+    """
     asked: dict[str, Any] = {}
+    sound: dict[str, Any] = {}
     unused = set()
-    names = [name for name in RequestedOptions.model_fields if name not in _NOT_HERE]
-    leading = [name for name in _LEADING if name in names]
     mine = {name: value for name, value in chosen.items() if value is not None}
-    order = [*(n for n in leading if n in mine), *(n for n in names if n in mine)]
-    for name in dict.fromkeys(order):
-        value = mine[name]
-        probe = _probe(name, file) if _out_of_range(name, value) else value
-        if _resolved(file, asked | {name: probe}) is None:
+    names = [name for name in RequestedOptions.model_fields if name not in _NOT_HERE]
+    order = [name for name in _LEADING if name in names]
+    order += [name for name in names if name not in order]
+    for name in sorted(order, key=lambda name: name not in mine):
+        form, value = _form(name), mine.get(name)
+        telling = value is not None and ("enum" in form or form["type"] == "boolean")
+        wrong = value is None or bool(_out_of_range(name, value))
+        tried = value if telling and not wrong else _probe(name, file)
+        if _resolved(file, sound | {name: tried}) is None:
             unused.add(name)
-        else:
+        elif name in mine:
             asked[name] = value
-    sound = {name: v for name, v in asked.items() if not _out_of_range(name, v)}
-    for name in names:
-        if name not in mine and _resolved(file, sound | {name: _probe(name, file)}) is None:
-            unused.add(name)
+            if not wrong and _resolved(file, sound | {name: value}) is not None:
+                sound[name] = value
     return asked, frozenset(unused)
 
 

@@ -163,13 +163,15 @@ class Shelf:
             handle = os.open(name, flags, dir_fd=self._handle)
         except (OSError, ValueError):
             raise missing from None
-        with open(handle, "rb") as file:
+        try:
             if not stat.S_ISREG(os.fstat(handle).st_mode):
                 raise missing
-            try:
+            with open(handle, "rb", closefd=False) as file:
                 return file.read(most)
-            except OSError as error:
-                raise UsageError(f"{name} cannot be read: {error.strerror}") from None
+        except OSError as error:
+            raise UsageError(f"{name} cannot be read: {error.strerror}") from None
+        finally:
+            os.close(handle)
 
     def _write(self, name: str, content: bytes) -> None:
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -70,10 +69,9 @@ class Noticed:
     """The request to stop has arrived: a solver stops now, and what it has is judged."""
 
 
-def warm_up(tell: Tell) -> None:
+def warm_up(folder: Path, tell: Tell) -> None:
     """Do something quick, so that all that a solve needs has been loaded once."""
-    with TemporaryDirectory(prefix="quito-") as folder:
-        carry_out(Work(_QUICK, "warm-up", {"steps": 5}, None, None, Path(folder)), tell)
+    carry_out(Work(_QUICK, "warm-up", {"steps": 5}, None, None, folder), tell)
 
 
 def carry_out(work: Work, tell: Tell) -> bool:

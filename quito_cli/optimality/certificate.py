@@ -2,7 +2,8 @@
 
 Nothing of the nonlinear program's own residuals is used: states and costates are integrated anew
 (`flow`), structure is read off û (`arcs`), the conditions (the table `CONDITIONS`) are
-those of the Model. It certifies an extremal, not that no other one is better.
+those of the Model. Of a polished answer structure and multipliers are known (`polished`), and no
+residual is excused. It certifies an extremal, not that no other one is better.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ from quito_cli.optimality.conditions_of_switching import (
 )
 from quito_cli.optimality.hamiltonian import pontryagin
 from quito_cli.optimality.look import Look
+from quito_cli.optimality.polished import Polished, arcs_kept, row_multipliers, sharply
 from quito_cli.optimality.probes import TooLargeError
 from quito_cli.optimality.verdicts import not_applicable
 from quito_cli.problem.model import Model
@@ -58,6 +60,11 @@ CONDITIONS: tuple[Callable[[Look], Iterator[Condition]], ...] = (
     feasibility,
 )
 """In the order of the certificate; each gives its rows."""
+POLISHED = (
+    *(row_multipliers if test is path_multipliers else test for test in CONDITIONS),
+    arcs_kept,
+)
+"""Of polished answers, whose multipliers and arcs are known."""
 ALL = "Pontryagin's conditions"
 """The one row where none can be looked at."""
 
@@ -71,11 +78,14 @@ def certify(model: Model, solution: Solution) -> Extremal:
     system = pontryagin(model)
     try:
         with np.errstate(all="ignore"):  # what is not finite fails, and says so
-            look = Look.at(system, solution)
+            look = (Polished if solution.polished else Look).at(system, solution)
             arcs = look.arcs
-            rows = tuple(chain.from_iterable(test(look) for test in CONDITIONS))
+            tests = POLISHED if solution.polished else CONDITIONS
+            rows = tuple(chain.from_iterable(test(look) for test in tests))
     except TooLargeError:
         return _nothing("the Hamiltonian is too long to be worked on")
+    if solution.polished:
+        rows = tuple(map(sharply, rows))
     curves = {HAMILTONIAN: look.point.hamiltonian}
     for i, label in enumerate(look.names):
         curves[SWITCHING + label] = look.point.gradient[:, i]

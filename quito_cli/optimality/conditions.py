@@ -22,10 +22,10 @@ Array = NDArray[np.float64]
 
 def state_equation(look: Look) -> Iterator[Condition]:
     """x' = f(x, û, t), integrated over every panel; the defect by its length."""
-    h, given = look.panels.lengths[:, None], look.panels
+    given = look.panels
     yield judged(
         "state equation",
-        look.flow.state_defects / h,
+        look.flow.state_defects / look.spells,
         look.state_rates,
         given.times[:-1],
         PLAIN,
@@ -36,11 +36,11 @@ def state_equation(look: Look) -> Iterator[Condition]:
 
 def costate_equation(look: Look) -> Iterator[Condition]:
     """λ' = −(H + μᵀc)_x, integrated over every panel; the defect by its length."""
-    h, given = look.panels.lengths[:, None], look.panels
+    given = look.panels
     calm = _calm(look)
     yield judged(
         "costate equation",
-        np.where(calm[:, None], look.flow.costate_defects / h, 0.0),
+        np.where(calm[:, None], look.flow.costate_defects / look.spells, 0.0),
         look.costate_rates,
         given.times[:-1],
         PLAIN,
@@ -171,9 +171,7 @@ def hamiltonian(look: Look) -> Iterator[Condition]:
         return
     h, t = look.point.hamiltonian, look.flow.t
     if timely:
-        rate = look.point.rate + _row_rates(look)
-        steps = np.diff(t) * (rate[1:] + rate[:-1]) / 2
-        h = h - np.append(0.0, np.cumsum(steps))
+        h = h - look.moved
     off = np.where(calm, h - np.median(h[calm]), 0.0)
     yield judged(
         name,
@@ -184,22 +182,6 @@ def hamiltonian(look: Look) -> Iterator[Condition]:
         lambda: look.explained.drift * look.power + blurred(look) + unfollowed(look),
         "H",
     )
-
-
-def _row_rates(look: Look) -> Array:
-    """μᵀ c_t at the middles, from impulses over lengths of panels."""
-    import casadi as ca
-
-    path = look.impulses.path.sum(axis=1)
-    if not path.any():
-        return np.zeros(len(look.flow.t))
-    m = look.system.model
-    stacked = ca.vertcat(*(row.value for row in look.system.rows if not row.state))
-    slope = ca.Function("rates", [m.x, m.u, m.p, m.t], [ca.densify(ca.jacobian(stacked, m.t))])
-    f, p = look.flow, look.solution.parameters
-    n = len(f.t)
-    by_t = np.array(slope.map(n)(f.x.T, f.u.T, np.tile(p[:, None], (1, n)), f.t)).reshape(-1, n)
-    return np.asarray((path / look.panels.lengths[:, None] * by_t.T).sum(axis=1))
 
 
 def blurred(look: Look) -> float:

@@ -74,9 +74,8 @@ def _last_costate(look: Look) -> Array:
 
 
 def _parameter_sizes(look: Look) -> Array:
-    """∫ |H_p| dt, (n_p,)."""
-    rates = np.abs(look.point.parameters)
-    return np.asarray((rates * look.panels.lengths[:, None]).sum(axis=0))
+    """∫ of the sizes of the terms of H_p, (n_p,)."""
+    return np.asarray((look.sizes[3] * look.panels.lengths[:, None]).sum(axis=0))
 
 
 def _end(
@@ -137,14 +136,14 @@ def path_multipliers(look: Look) -> Iterator[Condition]:
             continue
         x, u = look.solution.state(times), look.solution.control(times)
         rows = look.carrier.rows_at(times, x, u, look.solution.parameters)[0][:, own]
-        wrong = _wrong(values, rows, constraint.bounds)
+        off = wrong(values, rows, constraint.bounds)
         density = np.abs(values).max(axis=0)
         density = np.where(look.seen.pressed[:, own].any(axis=0), density, np.inf)
-        yield judged(name, wrong, density, times, PLAIN, lambda: 0.0, "the multiplier")
+        yield judged(name, off, density, times, PLAIN, lambda: 0.0, "the multiplier")
     yield from _state_bounds(look)
 
 
-def _wrong(multipliers: Array, values: Array, bounds: Bounds, size: Array | None = None) -> Array:
+def wrong(multipliers: Array, values: Array, bounds: Bounds, size: Array | None = None) -> Array:
     """Return what of multipliers has the wrong sign, or is away from its bound by its size."""
     lower, upper = bounds
     if size is None:
@@ -168,11 +167,11 @@ def _state_bounds(look: Look) -> Iterator[Condition]:
         return
     x = look.panels.states[:-1]
     at_lower = x - lower <= upper - x
-    wrong = np.where(at_lower, np.maximum(found, 0.0), np.minimum(found, 0.0))
+    off = np.where(at_lower, np.maximum(found, 0.0), np.minimum(found, 0.0))
     size = np.maximum(np.abs(found).max(axis=0), 1e-3 * np.abs(look.panels.costates).max(axis=0))
     h = look.panels.lengths[:, None]
     yield judged(
-        name, wrong, size, look.panels.times[:-1], PLAIN,
+        name, off, size, look.panels.times[:-1], PLAIN,
         lambda: look.explained.local_errors[1] * h + _noise(look), "the multiplier",
     )  # fmt: skip
 
@@ -199,12 +198,12 @@ def _multiplier_of(
         return not_applicable(name, "an equality may have any")
     values = look.solution.multipliers[f"{kind} constraint {constraint.name}"].reshape(1, -1)
     # What is beyond a bound is a matter of feasibility.
-    wrong = _wrong(values, np.clip(value, lower, upper), constraint.bounds, size)
+    off = wrong(values, np.clip(value, lower, upper), constraint.bounds, size)
     largest = max(float(np.abs(values).max()), 1e-6)
     t = look.panels.times
     time = t[[-1]] if constraint.at is None else t[[0]] + constraint.at * (t[-1] - t[0])
     return judged(
-        name, wrong, largest, time, PLAIN, lambda: look.explained.drift * largest, "the multiplier"
+        name, off, largest, time, PLAIN, lambda: look.explained.drift * largest, "the multiplier"
     )
 
 

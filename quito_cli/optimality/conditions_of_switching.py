@@ -62,7 +62,7 @@ def _switching_of(look: Look, i: int) -> Condition:
     # A blurred step is where its integral says, to a fraction of its width.
     return judged(
         name,
-        np.interp(times, t, given),
+        look.switched(i, times),
         np.interp(times, t, look.switching_sizes[:, i]),
         times,
         SHARP,

@@ -17,6 +17,7 @@ from quito_cli.optimality.hamiltonian import Pontryagin
 from quito_cli.optimality.panels import Panels
 
 if TYPE_CHECKING:
+    from quito_cli.optimality.look import Look
     from quito_cli.solution.solution import Solution
 
 Array = NDArray[np.float64]
@@ -51,12 +52,13 @@ def impulses(system: Pontryagin, solution: Solution, given: Panels, steps: int) 
         path,
         last,
         tuple(points),
-        _stacked(solution, "integral", [c.name for c in constraints.integral]),
-        _stacked(solution, "boundary", [c.name for c in constraints.boundary]),
+        stacked(solution, "integral", [c.name for c in constraints.integral]),
+        stacked(solution, "boundary", [c.name for c in constraints.boundary]),
     )
 
 
-def _stacked(solution: Solution, kind: str, names: list[str]) -> Array:
+def stacked(solution: Solution, kind: str, names: list[str]) -> Array:
+    """Return the multipliers of constraints of a kind one after another."""
     found = [solution.multipliers[f"{kind} constraint {name}"].ravel() for name in names]
     return np.concatenate([np.zeros(0), *found])
 
@@ -83,3 +85,19 @@ def _densities(given: Panels, times: Array, values: Array, steps: int) -> Array:
     half = given.lengths[:, None] / 2
     found[:, 0], found[:, -1] = at[:-1] * half, at[1:] * half
     return found
+
+
+def row_rates(look: Look) -> Array:
+    """Return μᵀ c_t at the middles, (P,), from impulses over lengths of panels."""
+    import casadi as ca
+
+    path = look.impulses.path.sum(axis=1)
+    if not path.any():
+        return np.zeros(len(look.flow.t))
+    m = look.system.model
+    stacked = ca.vertcat(*(row.value for row in look.system.rows if not row.state))
+    slope = ca.Function("rates", [m.x, m.u, m.p, m.t], [ca.densify(ca.jacobian(stacked, m.t))])
+    f, p = look.flow, look.solution.parameters
+    n = len(f.t)
+    by_t = np.array(slope.map(n)(f.x.T, f.u.T, np.tile(p[:, None], (1, n)), f.t)).reshape(-1, n)
+    return np.asarray((path / look.panels.lengths[:, None] * by_t.T).sum(axis=1))

@@ -22,7 +22,7 @@ from quito_cli.optimality.dilation import dilated, positive
 from quito_cli.optimality.explained import Explained
 from quito_cli.optimality.flow import LEAST_STEPS, Carrier, Flow, Impulses, flow
 from quito_cli.optimality.hamiltonian import Point, Pontryagin, sampled
-from quito_cli.optimality.impulses import impulses
+from quito_cli.optimality.impulses import impulses, row_rates
 from quito_cli.optimality.marks import Looked, at_bounds, marked
 from quito_cli.optimality.panels import Panels, panels, substeps
 from quito_cli.optimality.pressing import pressed_gradient
@@ -101,12 +101,13 @@ class Look:
         return self.carrier.rows_at(f.t, f.x, f.u, self.solution.parameters)
 
     @cached_property
-    def sizes(self) -> tuple[Array, Array, Array]:
-        """Sizes of the terms of H (P,), H_x (P, n_x) and H_u (P, n_u)."""
+    def sizes(self) -> tuple[Array, Array, Array, Array]:
+        """Sizes of the terms of H (P,), H_x (P, n_x), H_u (P, n_u) and H_p (P, n_p)."""
         f, m = self.flow, self.system.model
         values = (f.t, f.x, f.costate, f.u, self.solution.parameters, None, self.impulses.integral)
         found = sampled(_sizes(self.system), values)[0]
-        return found[:, 0], found[:, 1 : 1 + m.n_x], found[:, 1 + m.n_x :]
+        by_x, by_u, by_p = np.split(found[:, 1:], [m.n_x, m.n_x + m.n_u], axis=1)
+        return found[:, 0], by_x, by_u, by_p
 
     @cached_property
     def switching_sizes(self) -> Array:
@@ -126,7 +127,8 @@ class Look:
             sampled(_sizes(self.system), (f.t, f.x, costate, f.u, p, None, nu))[0]
             for costate in (moved, np.zeros_like(moved))
         )
-        return np.asarray((with_ - without)[:, 1 + self.system.model.n_x :])
+        m = self.system.model
+        return np.asarray((with_ - without)[:, 1 + m.n_x : 1 + m.n_x + m.n_u])
 
     @cached_property
     def spans(self) -> Array:
@@ -212,6 +214,21 @@ class Look:
         """What is left of H_u, (P, n_u): by the best multipliers of active rows with controls."""
         return pressed_gradient(self)
 
+    @property
+    def spells(self) -> Array:
+        """What the defect of a panel is divided by to be one of rates, (P, 1): its length."""
+        return self.panels.lengths[:, None]
+
+    @cached_property
+    def moved(self) -> Array:
+        """∫ (H + μᵀc)_t dt from the first of the middles to each, (P,)."""
+        rate, t = self.point.rate + row_rates(self), self.flow.t
+        return np.append(0.0, np.cumsum(np.diff(t) * (rate[1:] + rate[:-1]) / 2))
+
+    def switched(self, i: int, times: Array) -> Array:
+        """Return H_u of control i at times at which it switches, (len(times),)."""
+        return np.interp(times, self.flow.t, self.point.gradient[:, i])
+
     @cached_property
     def bends(self) -> Array:
         """Second differences of û over its range, the largest of the neighbourhood; (P, n_u)."""
@@ -281,7 +298,7 @@ def bounded_states(system: Pontryagin) -> Flags:
 
 
 def _sizes(system: Pontryagin) -> ca.Function:
-    """Return arguments ↦ sizes of the terms of H, H_x and H_u, stacked."""
+    """Return arguments ↦ sizes of the terms of H, H_x, H_u and H_p, stacked."""
     import casadi as ca
 
     m = system.model
@@ -289,6 +306,6 @@ def _sizes(system: Pontryagin) -> ca.Function:
     terms = ca.vertcat(m.lagrange, m.xdot, integrands)
     weights = ca.vertcat(1, ca.fabs(system.costate), ca.fabs(system.integral_multipliers))
     whole = [ca.dot(weights, ca.fabs(terms))]
-    for by in (m.x, m.u):
+    for by in (m.x, m.u, m.p):
         whole.append(ca.fabs(ca.densify(ca.jacobian(terms, by))).T @ weights)
     return system.function("sizes", [ca.densify(ca.vertcat(*whole))])

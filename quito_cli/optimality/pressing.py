@@ -11,6 +11,7 @@ other. Where H has a kink in a control, zero lies between its one-sided derivati
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,20 +30,10 @@ KINK = 0.005
 
 def pressed_gradient(look: Look) -> Array:
     """Return the violations at the middles of panels, (P, n_u), signed."""
-    below, above = _sided(look)
-    marks = look.labels
-    counts = look.clear & ~look.system.model.control_bounds.fixed
-
-    def violation(pull: Array) -> Array:
-        low, high = below + pull, above + pull
-        # Between the bounds H falls on the left and rises on the right, or does neither.
-        left = np.where(marks > -1, np.maximum(low, 0.0), 0.0)
-        right = np.where(marks < 1, np.minimum(high, 0.0), 0.0)
-        return np.where(counts, left + right, 0.0)
-
+    violation = left_of(look)
     mixed = [i for i, row in enumerate(look.system.rows) if row.mixed]
     if not mixed or not look.active[:, mixed].any():
-        return violation(np.zeros(below.shape))
+        return violation(np.zeros(look.flow.u.shape))
     active, by_u = look.active[:, mixed], look.rows[2][:, mixed]
     equal = np.array([look.system.rows[i].lower == look.system.rows[i].upper for i in mixed])
     mu = np.zeros((active.shape[0], active.shape[1]))
@@ -56,6 +47,22 @@ def pressed_gradient(look: Look) -> Array:
             signed = new if free else np.maximum(new * active[:, j], 0.0) * active[:, j]
             mu[:, j] = np.where(active[:, j] != 0, signed, 0.0)
     return violation(np.einsum("pr,pru->pu", mu, by_u))
+
+
+def left_of(look: Look) -> Callable[[Array], Array]:
+    """Return μᵀc_u ↦ what violates the conditions of H_u then, (P, n_u) each."""
+    below, above = _sided(look)
+    marks = look.labels
+    counts = look.clear & ~look.system.model.control_bounds.fixed
+
+    def violation(pull: Array) -> Array:
+        low, high = below + pull, above + pull
+        # Between the bounds H falls on the left and rises on the right, or does neither.
+        left = np.where(marks > -1, np.maximum(low, 0.0), 0.0)
+        right = np.where(marks < 1, np.minimum(high, 0.0), 0.0)
+        return np.where(counts, left + right, 0.0)
+
+    return violation
 
 
 def _sided(look: Look) -> tuple[Array, Array]:

@@ -25,6 +25,8 @@ from quito_cli.optimality.probes import MOST_OPERATIONS, Probe, TooLargeError
 if TYPE_CHECKING:
     import casadi as ca
 
+    from quito_cli.optimality.constraints import Active
+
 Reason = Literal["", "constant", "no finite order", "too large", "not determined"]
 """Why there is no feedback: σ never changes; no derivative up to 2 n_x + 2 has u in it; the
 derivatives grow beyond what is worked on; A cannot be inverted."""
@@ -87,6 +89,7 @@ def singular(
     probe: Probe,
     controls: tuple[int, ...],
     interior: tuple[int, ...] = (),
+    held: tuple[Active, ...] = (),
 ) -> Singular:
     """Return the arc on which these affine controls are singular together.
 
@@ -94,16 +97,19 @@ def singular(
         system: Pontryagin's system.
         probe: its random points.
         controls: entries of u that are singular.
-        interior: entries that are regular and inside their bounds there; all others are constant.
+        interior: entries that are inside their bounds there, and regular or determined by a row
+            that is held; all others are constant.
+        held: rows at their bounds there, each with the multiplier η at its place of μ.
     """
     import casadi as ca
 
     u = system.model.u[list(controls)]
-    flow = _Flow.of(system, interior)
+    flow = _Flow.of(system, interior, held)
+    switching = ca.gradient(flow.adjoined, system.model.u) if held else system.switching
     rows: list[tuple[ca.SX, ...]] = []
     last: list[ca.SX] = []
     for i in controls:
-        found, reached, reason = _differentiated(flow, probe, system.switching[i], u)
+        found, reached, reason = _differentiated(flow, probe, switching[i], u)
         rows.append(found)
         if reached is None:
             return _none(system, controls, rows, reason)
@@ -148,22 +154,29 @@ class _Flow:
 
     symbols: ca.SX
     rates: ca.SX
+    adjoined: ca.SX
+    """H + ηᵀC of the rows that are held."""
 
     @staticmethod
-    def of(system: Pontryagin, interior: tuple[int, ...]) -> _Flow:
-        """Return the flow of (x, λ, t), and of regular controls that follow it."""
+    def of(system: Pontryagin, interior: tuple[int, ...], held: tuple[Active, ...]) -> _Flow:
+        """Return the flow of (x, λ, t), and of controls and multipliers that follow it."""
         import casadi as ca
 
-        m = system.model
+        m, adjoined = system.model, system.hamiltonian
+        eta = ca.vertcat(*(system.multipliers[row.row] for row in held))
+        equations = ca.vertcat(*(row.held for row in held))
+        if held:
+            adjoined = adjoined + ca.dot(eta, equations)
         symbols = ca.vertcat(m.x, system.costate, m.t)
-        rates = ca.vertcat(m.xdot, system.free_adjoint, 1)
-        if not interior:
-            return _Flow(symbols, rates)
-        place = list(interior)
-        moved = ca.jtimes(system.switching[place], symbols, rates)
-        curvature = ca.densify(system.curvature[place, place])
-        follow = -moved / curvature if len(place) == 1 else -ca.solve(curvature, moved)
-        return _Flow(ca.vertcat(symbols, m.u[place]), ca.vertcat(rates, follow))
+        rates = ca.vertcat(m.xdot, -ca.gradient(adjoined, m.x), 1)
+        if not interior and not held:
+            return _Flow(symbols, rates, adjoined)
+        followers = ca.vertcat(m.u[list(interior)], eta)
+        held_to = ca.vertcat(ca.gradient(adjoined, m.u)[list(interior)], equations)
+        moved = ca.jtimes(held_to, symbols, rates)
+        slopes = ca.densify(ca.jacobian(held_to, followers))
+        follow = -moved / slopes if slopes.numel() == 1 else -ca.solve(slopes, moved)
+        return _Flow(ca.vertcat(symbols, followers), ca.vertcat(rates, follow), adjoined)
 
     def derivative(self, value: ca.SX) -> ca.SX:
         """Return the total time derivative of a scalar."""

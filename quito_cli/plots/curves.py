@@ -32,7 +32,7 @@ class Line:
     name: str
     values: Array
     known: Array | None = None
-    """The reference at the same times; NaN where unknown."""
+    """The reference, at the curve's `known_times`; NaN where unknown."""
     lower: float = -np.inf
     upper: float = np.inf
 
@@ -60,6 +60,8 @@ class Curve:
     """Draw the line of zero where it is near."""
     least: float = 0.0
     """Height that the plot shows at least: what is small beside it is no shape."""
+    known_times: Array | None = None
+    """Of the references; None where they are those of the lines."""
 
 
 def draw_curve(axes: Axes, curve: Curve) -> None:
@@ -73,7 +75,8 @@ def draw_curve(axes: Axes, curve: Curve) -> None:
         colour, name = (COLOURS[i % len(COLOURS)], plain(line.name)) if several else (OURS, "quito")
         drawn += axes.plot(curve.times, line.values, color=colour, label=name, drawstyle=style)
         if line.known is not None:
-            axes.plot(curve.times, line.known, "--", color=KNOWN, linewidth=1.2, label="reference")
+            times = curve.times if curve.known_times is None else curve.known_times
+            axes.plot(times, line.known, "--", color=KNOWN, linewidth=1.2, label="reference")
     _mark(axes, curve.marks)
     low, high = _range(curve)
     for bound in near_bounds(curve):

@@ -23,6 +23,7 @@ from quito_cli.plots.history import History, histories
 from quito_cli.plots.layout import balanced, places, shared, with_unit
 from quito_cli.plots.palette import plain
 from quito_cli.plots.plan import draw_plan
+from quito_cli.plots.sampling import drawn_times
 from quito_cli.solution.junctions import Junction
 from quito_cli.solution.optimal import HAMILTONIAN, SWITCHING, Arc
 from quito_cli.solution.solution import Drawing, Quantity, Solution
@@ -65,22 +66,30 @@ def _curves(
         label = with_unit(name, quantities[members[0]].unit)
         marks = tuple(j for j in junctions if j.control in members)
         arcs = of_control(solution, lines[0].name) if far_bounds and len(lines) == 1 else ()
-        times = solution.dense_times
         curves.append(
-            Curve(label, times, tuple(lines), far_bounds, marks=marks, arcs=arcs, shades=shades)
+            Curve(
+                label,
+                drawn_times(solution),
+                tuple(lines),
+                far_bounds,
+                marks=marks,
+                arcs=arcs,
+                shades=shades,
+                known_times=solution.dense_times,
+            )
         )
     return curves
 
 
 def _states(solution: Solution) -> list[Panel]:
     known = solution.reference.states if solution.reference else None
-    values = solution.state(solution.dense_times)
+    values = solution.state(drawn_times(solution))
     return _curves(solution, solution.origin.states, values, known, False)
 
 
 def _controls(solution: Solution) -> list[Panel]:
     known = solution.reference.controls if solution.reference else None
-    values = solution.control(solution.dense_times)
+    values = solution.control(drawn_times(solution))
     quantities, found = solution.origin.controls, solution.junctions
     return _curves(solution, quantities, values, known, True, found)
 
@@ -89,7 +98,7 @@ def _costates(solution: Solution) -> list[Panel]:
     duals = tuple(
         Quantity(f"λ of {state.name}", "", -np.inf, np.inf) for state in solution.origin.states
     )
-    values, active = solution.costate(solution.dense_times), on_constraints(solution)
+    values, active = solution.costate(drawn_times(solution)), on_constraints(solution)
     return _curves(solution, duals, values, None, False, shades=active)
 
 
@@ -189,7 +198,8 @@ def _heading(solution: Solution) -> str:
         f", {plain(name)} = {plain(value)}" for name, value in solution.origin.changes
     )
     cells = len(solution.times) - 1
-    return f"{failed}{plain(title)}\ncost {solution.cost:.8g}, {cells} cells{changed}"
+    how = f"polished, {cells} segments" if solution.polished else f"{cells} cells"
+    return f"{failed}{plain(title)}\ncost {solution.cost:.8g}, {how}{changed}"
 
 
 def _legend(drawn: Figure) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.plots.layout import shared, with_unit
+from quito_cli.plots.sampling import drawn_times
 from quito_cli.solution.solution import Quantity
 
 if TYPE_CHECKING:
@@ -105,7 +106,7 @@ def _trajectories(
         known: Callable[[Array], Array] = getattr(comparison.truth, what)
         curves.append((-1, times, finite(known(times))))
     for number, row in enumerate(comparison.rows):
-        times = np.union1d(row.solution.dense_times, row.solution.times)
+        times = np.union1d(drawn_times(row.solution), row.solution.times)
         curves.append((number, times, finite(getattr(row.solution, what)(times))))
     panels = []
     for name, entries in shared(quantities).items():

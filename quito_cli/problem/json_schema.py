@@ -1,4 +1,4 @@
-"""The problem file's JSON Schema, from the pydantic models; `schemas/` holds it committed.
+"""JSON Schemas of files, from their pydantic models; `schemas/` holds it committed.
 
 Descriptions are the models' attribute docstrings, read from their source here and not by pydantic
 at every start. Draft 7, for editors that know no later one.
@@ -18,16 +18,21 @@ from quito_cli.problem.schema import Problem
 
 
 def schema_text() -> str:
-    """Return the schema as `schemas/problem.schema.json` has it."""
-    schema = Problem.model_json_schema()
+    """Return the schema of problem files, as `schemas/problem.schema.json` has it."""
+    return schema_of(Problem, "quito problem")
+
+
+def schema_of(root: type[BaseModel], title: str) -> str:
+    """Return the schema of the files that a model is of."""
+    schema = root.model_json_schema()
     models = {model.__name__: model for model in _subclasses(BaseModel)}
-    for name, part in [("Problem", schema), *schema["$defs"].items()]:
+    for name, part in [(root.__name__, schema), *schema["$defs"].items()]:
         said = attribute_docstrings(models[name])
         for key, field in part.get("properties", {}).items():
             field.pop("title", None)
             if key in said:
                 field["description"] = said[key]
-    head = {"$schema": "http://json-schema.org/draft-07/schema#", "title": "quito problem"}
+    head = {"$schema": "http://json-schema.org/draft-07/schema#", "title": title}
     return json.dumps(head | {k: v for k, v in schema.items() if k != "title"}, indent=2) + "\n"
 
 

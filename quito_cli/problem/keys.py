@@ -130,6 +130,7 @@ ALIASES: Final[Mapping[Place, Mapping[str, Alias]]] = {
         **_words("grid refinement adaptive", "mesh"),
         **_words("mesh_tol refinement_tolerance", "mesh_tolerance"),
         **_words("mesh_iter max_mesh_iterations refinements", "mesh_iterations"),
+        **_words("polished exact indirect", "polish"),
         **_words("order polynomial_degree collocation_points", "degree"),
         **_words("tol", "tolerance"),
         **_words("max_iter maxiter iterations", "max_iterations"),
@@ -150,9 +151,9 @@ def at_place(table: Mapping[Place, Row], path: Path) -> Row | None:
     return None
 
 
-def known_keys(path: Path) -> list[str]:
-    """Return the keys that the mapping holding `path` may have."""
-    model: Any = Problem
+def known_keys(path: Path, root: Any = Problem) -> list[str]:
+    """Return the keys that the mapping holding `path` may have, in a file of the model `root`."""
+    model = root
     named = False  # the step before led to a mapping by name: this one is no key of ours
     for step in path[:-1]:
         if not named and isinstance(step, str) and step in model.model_fields:

@@ -37,17 +37,19 @@ def load(where: str | Path, changes: Mapping[str, str | float] | None = None) ->
         ProblemError: the file has mistakes; all of them are told.
     """
     path = find(where)
-    return load_text(_text_of(path), str(where) if path == Path(where) else str(path), changes)
+    return load_text(text_of(path), str(where) if path == Path(where) else str(path), changes)
 
 
 def load_text(text: str, name: str, changes: Mapping[str, str | float] | None = None) -> Problem:
     """Read a problem from YAML text; `name` stands in messages and names results.
 
     Raises:
-        UsageError: there is nothing of that name to set.
+        UsageError: there is nothing of that name to set, or it is a suite of cases.
         ProblemError: the text has mistakes; all of them are told.
     """
     source = read(text, name)
+    if "cases" in source.data and "dynamics" not in source.data:
+        raise UsageError(f"{name} is a suite of cases, no problem: `quito batch {name}` runs it")
     return changed(validate(source, Path(name).stem), changes or {})
 
 
@@ -129,7 +131,12 @@ def refuse_problem(where: str | Path, verb: str) -> None:
     raise UsageError(f"{what}: solve it first, then {verb} {result}")
 
 
-def _text_of(path: Path) -> str:
+def text_of(path: Path) -> str:
+    """Return the text of a problem or a suite file.
+
+    Raises:
+        UsageError: it is too large, no text, or cannot be read.
+    """
     try:
         if path.stat().st_size > MAX_BYTES:
             raise UsageError(

@@ -146,6 +146,9 @@ class CommonOptions(BaseModel):
     """Meshes that are tried at most."""
     mesh_limit: Annotated[int | None, Field(ge=4, le=100_000, strict=True)] = None
     """Cells that an adaptive mesh may come to; by default twice those it starts from."""
+    polish: bool | None = None
+    """Solve Pontryagin's conditions with the structure that the answer shows; the exact answer
+    takes its place where it comes to one. Unless a mesh is asked for, it is an adaptive one."""
     tolerance: Annotated[float | None, Field(gt=0, le=1e-3)] = None
     """Tolerance of the solver on the scaled first-order conditions."""
     max_iterations: Annotated[int | None, Field(ge=0, strict=True)] = None

@@ -56,7 +56,7 @@ def validate(source: Source, name: str, changes: tuple[tuple[str, str], ...] = (
     except ValidationError as error:
         details = error.errors()
     details = _told_once(details, source.data)
-    complaints = [_complaint(detail, _real_path(detail["loc"], source.data)) for detail in details]
+    complaints = [_complaint(detail, real_path(detail["loc"], source.data)) for detail in details]
     raise ProblemError(complaints + _beyond(details, source, name), source, set_values(changes))
 
 
@@ -68,9 +68,9 @@ def _named(problem: Problem, source: Source, name: str) -> Problem:
 
 def _told_once(details: list[ErrorDetails], data: Any) -> list[ErrorDetails]:
     """Leave out what is missed only because its key is misspelt: the key is complained of."""
-    unknown = [_real_path(d["loc"], data) for d in details if d["type"] == "extra_forbidden"]
+    unknown = [real_path(d["loc"], data) for d in details if d["type"] == "extra_forbidden"]
     found = {(*path[:-1], meant(path, _holder(data, path))) for path in unknown}
-    return [d for d in details if d["type"] != "missing" or _real_path(d["loc"], data) not in found]
+    return [d for d in details if d["type"] != "missing" or real_path(d["loc"], data) not in found]
 
 
 def _beyond(details: list[ErrorDetails], source: Source, name: str) -> list[Complaint]:
@@ -80,7 +80,7 @@ def _beyond(details: list[ErrorDetails], source: Source, name: str) -> list[Comp
     moved: dict[Path, Path] = {}
     told: list[Complaint] = []
     for _ in range(_MENDINGS):
-        wrong = [(detail["type"], _real_path(detail["loc"], data)) for detail in details]
+        wrong = [(detail["type"], real_path(detail["loc"], data)) for detail in details]
         for kind, path in wrong:
             if path[0] in _NAMING and len(path) == 1 and kind != "extra_forbidden":
                 poisoned |= _undeclared(source.data)
@@ -93,7 +93,7 @@ def _beyond(details: list[ErrorDetails], source: Source, name: str) -> list[Comp
         except ValidationError as error:
             details = _told_once(error.errors(), data)
             for detail in details:
-                path = _real_path(detail["loc"], data)
+                path = real_path(detail["loc"], data)
                 if _written(path, moved) != path:  # it was under an unknown key, and not looked at
                     told.append(_complaint(detail, path))
         else:
@@ -216,7 +216,7 @@ def _holder(data: Any, path: Path) -> Any:
     return data if isinstance(data, dict) else {}
 
 
-def _real_path(location: tuple[str | int, ...], data: Any) -> Path:
+def real_path(location: tuple[str | int, ...], data: Any) -> Path:
     """Return pydantic's location without the tags of alternatives, which start with '='.
 
     A file may have keys that look like them, so that the data decides.

@@ -168,7 +168,7 @@ def _break_times(made: Transcription, times: tuple[float, float]) -> Array:
     return np.asarray(times[0] + (times[1] - times[0]) * np.append(fractions, 1.0))
 
 
-def _costates(nlp: Nlp, outcome: Outcome, answer: Answer) -> tuple[Array, Curve | None]:
+def _costates(nlp: Nlp, outcome: Outcome, answer: Answer) -> tuple[Array, Polynomials | None]:
     """Return λ at the nodes, and as a function of time where more is known than that."""
     made = nlp.transcription
     unscaled = outcome.lam_g * nlp.row_scale / nlp.objective_scale

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from quito_cli.problem.shapes import Ball, Block
 from quito_cli.solution.junctions import Junction
 from quito_cli.solution.optimal import Arc, Condition, Extremal, Kind, Verdict
+from quito_cli.solution.polish_file import check, read_densities, read_polishing
 from quito_cli.solution.rounds import Account, Refinement, Round
 from quito_cli.solution.solution import (
     Drawing,
@@ -67,6 +68,8 @@ def read(file: h5py.File) -> Solution:
         _read_junctions(file),
         _read_refinement(file["refinement"]) if "refinement" in file else None,
         _read_extremal(file["optimality"]) if "optimality" in file else None,
+        read_polishing(file["polishing"]) if "polishing" in file else None,
+        read_densities(file["densities"]) if "densities" in file else None,
     )
 
 
@@ -124,12 +127,8 @@ def _read_account(group: h5py.Group) -> Account:
 
 def _read_extremal(group: h5py.Group) -> Extremal:
     arcs, rows = _columns(group["arcs"], Arc), _columns(group["certificate"], Condition)
-    for found, possible in (
-        *((a["kind"], Kind) for a in arcs),
-        *((r["verdict"], Verdict) for r in rows),
-    ):
-        if found not in get_args(possible):
-            raise ValueError(f"{found} is none of {', '.join(get_args(possible))}")
+    check(Kind, (arc["kind"] for arc in arcs))
+    check(Verdict, (row["verdict"] for row in rows))
     return Extremal(
         tuple(Arc(**arc) for arc in arcs),
         tuple(Condition(**row) for row in rows),
@@ -148,12 +147,15 @@ def _columns(group: h5py.Group, kind: Any) -> list[dict[str, Any]]:
     return [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
 
 
-def _read_curves(group: h5py.Group) -> tuple[Curve, Curve | None]:
+def _read_curves(group: h5py.Group) -> tuple[Curve, Polynomials | None]:
     """Return states, and costates where there are more than at the nodes, as curves."""
     kind, times, states = group.attrs["kind"], group["time"][:], group["state"][:]
     if kind == "polynomial":
         degree = int(group.attrs["degree"])
-        adjoint = Polynomials(times, group["costate"][:], degree) if "costate" in group else None
+        if "costate" not in group:
+            return Polynomials(times, states, degree), None
+        before = group["costate_before"][:] if "costate_before" in group else None
+        adjoint = Polynomials(times, group["costate"][:], degree, before)
         return Polynomials(times, states, degree), adjoint
     slopes = group["start_slope"][:], group["end_slope"][:]
     return Trajectory(times, states, *slopes, "cubic" if kind == "cubic" else "linear"), None

@@ -12,11 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from quito_cli.problem.shapes import Ball, Block
+from quito_cli.solution.densities import Densities
 from quito_cli.solution.junctions import Junction
 from quito_cli.solution.optimal import Arc, Condition, Extremal, all_switches
+from quito_cli.solution.polishing import Polishing
 from quito_cli.solution.rounds import Refinement
 from quito_cli.solution.tally import doubts
-from quito_cli.solution.trajectory import Curve
+from quito_cli.solution.trajectory import Curve, Polynomials
 from quito_cli.solution.violations import Violation
 from quito_cli.solvers.outcome import Status
 from quito_cli.transcription.control import Basis
@@ -178,7 +180,7 @@ class Solution:
     """None where the file has none that applies."""
     drawings: tuple[Drawing, ...] = ()
     """The plots the file asks for."""
-    adjoint: Curve | None = None
+    adjoint: Polynomials | None = None
     """Costates at all collocation points and in between; None where the nodes are all there is."""
     junctions: tuple[Junction, ...] = ()
     """Jumps and kinks of the controls, by time."""
@@ -186,9 +188,14 @@ class Solution:
     """How the mesh was found; None of a uniform one."""
     extremal: Extremal | None = None
     """What Pontryagin's conditions say of it; None where they were not looked at."""
+    polishing: Polishing | None = None
+    """The account of its polish; None where none was asked for."""
+    densities: Densities | None = None
+    """Multipliers of constraints as functions of time: those of a polished answer are known."""
 
     def __post_init__(self) -> None:
-        curves = [vars(curve).values() for curve in (self.trajectory, self.adjoint) if curve]
+        pressing = self.densities and self.densities.curve
+        curves = [vars(c).values() for c in (self.trajectory, self.adjoint, pressing) if c]
         sampled = () if self.extremal is None else self.extremal.curves.values()
         times = () if self.extremal is None else (self.extremal.times,)
         for value in (*vars(self).values(), *chain(*curves), *sampled, *times):
@@ -203,6 +210,11 @@ class Solution:
     def success(self) -> bool:
         """Whether the recomputed residuals are within ten times the tolerance."""
         return self.status is Status.SOLVED
+
+    @property
+    def polished(self) -> bool:
+        """Whether it is an exact extremal of known arcs, on a mesh of their segments."""
+        return self.densities is not None
 
     @property
     def switching_times(self) -> tuple[float, ...]:
@@ -221,8 +233,15 @@ class Solution:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a reader must know before believing the answer: of its evidence and certificate."""
-        return (*self.evidence.warnings, *doubts(self.certificate))
+        """What a reader must know before believing the answer: of evidence, certificate, polish."""
+        unpolished = () if self.polishing is None else self.polishing.warnings
+        return (*self.evidence.warnings, *doubts(self.certificate), *unpolished)
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether the user stopped the solve, or the polish of its answer."""
+        unpolished = self.polishing is not None and self.polishing.interrupted
+        return self.status is Status.INTERRUPTED or unpolished
 
     @property
     def mesh(self) -> Mesh:
@@ -244,7 +263,8 @@ class Solution:
     def costate(self, t: ArrayLike) -> Array:
         """Return the costates at times t, (len(t), n_x).
 
-        Linear between the nodes; of a collocation the polynomials through all of its points.
+        Linear between the nodes; of a collocation the polynomials through all of its points. Where
+        those of a polished answer jump, continuous from the right.
         """
         times = np.atleast_1d(np.asarray(t, dtype=float))
         if self.adjoint is not None:

@@ -3,7 +3,8 @@
     problem        the YAML text, its SHA-256, resolved options, bounds
     trajectory     at the nodes: time, state, control, costate
     interpolation  what makes states a function of time: ends of substeps, slopes; or the points of
-                   a collocation, its degree, and the costates there
+                   a collocation, its degree, and the costates there, with those just before the
+                   ends of cells where they may jump
     dense          state, control and reference on a fine uniform grid
     control        coefficients of û, generating function and variance, or degree; mesh, and on a
                    graded one the slopes of the index at both ends of each cell
@@ -15,6 +16,10 @@
     optimality     Pontryagin's conditions: in `arcs` of which control or constraint, of which kind,
                    both ends and how uncertain they are; in `certificate` condition, residual,
                    scale, worst time, verdict, reason; Hamiltonian and switching functions by time
+    polishing      what a polish did, step by step: action, sentence, and how many of the residuals,
+                   written one after another, are of it; how it ended
+    densities      of a polished answer: multipliers of constraints at the points, just before the
+                   ends of cells, and their impulses at nodes
     multipliers    of the nonlinear program's rows, by block
     iterations     objective, infeasibilities, barrier parameter
     statistics     cost, counts, times, and every figure of the evidence

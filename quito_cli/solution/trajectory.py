@@ -3,7 +3,8 @@
 Of shooting through the ends of the substeps, x_j at t_j: piecewise linear for a scheme of order
 one, cubic Hermite for higher ones, with slopes f(x, û, t) taken at both ends of each substep
 separately, for the control, and so the slope, may jump at a node. Of a collocation the polynomials
-that it is made of, by the barycentric formula; its costates likewise.
+that it is made of, by the barycentric formula; its costates likewise. Where costates are known on
+both sides of a node, as those of a polished answer are, they may jump there.
 """
 
 from __future__ import annotations
@@ -84,24 +85,40 @@ class Polynomials:
     """(N D + 1, n_x)."""
     degree: int
     """D."""
+    before: Array | None = None
+    """(N, n_x) just before the end of each cell, where they may jump; None where they do not."""
 
     @property
     def interpolation(self) -> Literal["polynomial"]:
         """How they go on between the points."""
         return "polynomial"
 
+    @property
+    def cells(self) -> int:
+        """N."""
+        return (len(self.times) - 1) // self.degree
+
+    @property
+    def in_cells(self) -> Array:
+        """(N, D+1, n_x) at the points of each cell and its end, before a jump there."""
+        starts = self.states[:-1].reshape(self.cells, self.degree, self.states.shape[1])
+        ends = self.states[self.degree :: self.degree] if self.before is None else self.before
+        return np.concatenate([starts, ends[:, None]], axis=1)
+
     def __call__(self, times: Array) -> Array:
-        """Return the values at `times`, (len(times), n_x); beyond the ends, those of the ends."""
+        """Return the values at `times`, (len(times), n_x); beyond the ends, those of the ends.
+
+        They are continuous from the right, and at the final time from the left.
+        """
         nodes = self.times[:: self.degree]
         times = np.clip(times, nodes[0], nodes[-1])
         cells = np.clip(np.searchsorted(nodes, times, side="right") - 1, 0, len(nodes) - 2)
         offsets = (times - nodes[cells]) / (nodes[cells + 1] - nodes[cells])
-        values = np.empty((len(times), self.states.shape[1]))
+        values, known = np.empty((len(times), self.states.shape[1])), self.in_cells
         size = max(_AT_A_TIME // (self.degree + 1), 1)
         for start in range(0, len(times), size):
             part = slice(start, start + size)
-            points = cells[part, None] * self.degree + np.arange(self.degree + 1)
             weights = radau(self.degree).state.weights(offsets[part])
             with np.errstate(invalid="ignore"):  # of a failed solve: not finite, and told so
-                values[part] = np.einsum("pw,pwx->px", weights, self.states[points])
+                values[part] = np.einsum("pw,pwx->px", weights, known[cells[part]])
         return values

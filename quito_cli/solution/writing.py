@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from quito_cli.solution.groups import Group, texts
 from quito_cli.solution.optimal import Arc, Condition, Extremal
+from quito_cli.solution.polish_file import write_densities, write_polishing
 from quito_cli.solution.rounds import Refinement, Round
 from quito_cli.solution.solution import Drawing, Evidence, Solution
 from quito_cli.solution.trajectory import Polynomials, Trajectory
@@ -32,35 +34,6 @@ OF_JUNCTIONS = ("uncertainty", "before", "after", "blur")
 """Figures of the junctions that are arrays along them."""
 
 
-class _Group:
-    """A group being written: datasets with named axes."""
-
-    def __init__(self, parent: h5py.Group, name: str) -> None:
-        self.group = parent.create_group(name)
-
-    def axis(self, name: str, values: Any) -> None:
-        """Write a dimension scale."""
-        scale = self.dataset(name, values)
-        scale.make_scale(name)
-
-    def data(self, name: str, values: Any, *axes: str) -> None:
-        """Write an array along axes written before."""
-        dataset = self.dataset(name, values)
-        for i, axis in enumerate(axes):
-            dataset.dims[i].attach_scale(self.group[axis])
-
-    def dataset(self, name: str, values: Any) -> Any:
-        """Write numbers or a list of texts."""
-        import h5py
-
-        array = np.asarray(values)
-        if array.dtype.kind == "U" or (array.size == 0 and array.dtype == object):
-            return self.group.create_dataset(
-                name, data=array.astype(object), dtype=h5py.string_dtype()
-            )
-        return self.group.create_dataset(name, data=array)
-
-
 def write(file: h5py.File, solution: Solution) -> None:
     """Write all groups of a result file."""
     import casadi
@@ -75,35 +48,39 @@ def write(file: h5py.File, solution: Solution) -> None:
     versions |= {"python": platform.python_version()}
     for name, version in versions.items():
         file.attrs[f"{name}_version"] = version
-    _write_problem(_Group(file, "problem"), solution)
-    _write_trajectory(_Group(file, "trajectory"), solution)
-    _write_interpolation(_Group(file, "interpolation"), solution)
-    _write_dense(_Group(file, "dense"), solution)
-    _write_control(_Group(file, "control"), solution)
-    _write_junctions(_Group(file, "junctions"), solution)
+    _write_problem(Group(file, "problem"), solution)
+    _write_trajectory(Group(file, "trajectory"), solution)
+    _write_interpolation(Group(file, "interpolation"), solution)
+    _write_dense(Group(file, "dense"), solution)
+    _write_control(Group(file, "control"), solution)
+    _write_junctions(Group(file, "junctions"), solution)
     if solution.refinement is not None:
-        _write_refinement(_Group(file, "refinement"), solution.refinement)
+        _write_refinement(Group(file, "refinement"), solution.refinement)
     if solution.extremal is not None:
-        _write_extremal(_Group(file, "optimality"), solution.extremal)
-    multipliers = _Group(file, "multipliers")
+        _write_extremal(Group(file, "optimality"), solution.extremal)
+    if solution.polishing is not None:
+        write_polishing(Group(file, "polishing"), solution.polishing)
+    if solution.densities is not None:
+        write_densities(Group(file, "densities"), solution.densities)
+    multipliers = Group(file, "multipliers")
     for name, values in sorted(solution.multipliers.items()):
         key = name.replace(" ", "_")
         axes = solution.multiplier_axes[name]
         multipliers.axis(f"{key}_time", axes.times)
-        multipliers.axis(f"{key}_row", _texts(axes.labels))
+        multipliers.axis(f"{key}_row", texts(axes.labels))
         multipliers.data(key, values, f"{key}_time", f"{key}_row")
         multipliers.group[key].attrs["block"] = name
-    iterations = _Group(file, "iterations")
+    iterations = Group(file, "iterations")
     length = max((len(values) for values in solution.history.values()), default=0)
     iterations.axis("iteration", np.arange(length))
     for name, values in sorted(solution.history.items()):
         iterations.data(name, values, "iteration")
-    _write_statistics(_Group(file, "statistics"), solution)
+    _write_statistics(Group(file, "statistics"), solution)
     for i, drawing in enumerate(solution.drawings):
-        _write_drawing(_Group(file, f"plots/plot_{i:03}"), drawing, solution.dense_times)
+        _write_drawing(Group(file, f"plots/plot_{i:03}"), drawing, solution.dense_times)
 
 
-def _write_problem(into: _Group, solution: Solution) -> None:
+def _write_problem(into: Group, solution: Solution) -> None:
     origin = solution.origin
     into.dataset("yaml", origin.text)
     attributes = into.group.attrs
@@ -114,23 +91,19 @@ def _write_problem(into: _Group, solution: Solution) -> None:
     attributes["free_times"], attributes["maximize"] = origin.free_times, origin.maximize
     kinds = {"state": origin.states, "control": origin.controls, "parameter": origin.parameters}
     for kind, quantities in kinds.items():
-        into.axis(kind, _texts(q.name for q in quantities))
-        into.data(f"{kind}_unit", _texts(q.unit for q in quantities), kind)
+        into.axis(kind, texts(q.name for q in quantities))
+        into.data(f"{kind}_unit", texts(q.unit for q in quantities), kind)
         into.data(f"{kind}_lower", np.array([q.lower for q in quantities]), kind)
         into.data(f"{kind}_upper", np.array([q.upper for q in quantities]), kind)
 
 
-def _texts(values: Any) -> NDArray[np.object_]:
-    return np.array(list(values), dtype=object)
-
-
-def _axes(into: _Group, solution: Solution, times: Array) -> None:
+def _axes(into: Group, solution: Solution, times: Array) -> None:
     into.axis("time", times)
-    into.axis("state_name", _texts(q.name for q in solution.origin.states))
-    into.axis("control_name", _texts(q.name for q in solution.origin.controls))
+    into.axis("state_name", texts(q.name for q in solution.origin.states))
+    into.axis("control_name", texts(q.name for q in solution.origin.controls))
 
 
-def _write_trajectory(into: _Group, solution: Solution) -> None:
+def _write_trajectory(into: Group, solution: Solution) -> None:
     _axes(into, solution, solution.times)
     nodes = solution.trajectory(solution.times)
     into.data("state", nodes, "time", "state_name")
@@ -138,23 +111,26 @@ def _write_trajectory(into: _Group, solution: Solution) -> None:
     into.data("costate", solution.costates, "time", "state_name")
 
 
-def _write_interpolation(into: _Group, solution: Solution) -> None:
+def _write_interpolation(into: Group, solution: Solution) -> None:
     trajectory = solution.trajectory
     into.group.attrs["kind"] = trajectory.interpolation
     into.axis("time", trajectory.times)
     into.axis("step", np.arange(len(trajectory.times) - 1))
-    into.axis("state_name", _texts(q.name for q in solution.origin.states))
+    into.axis("state_name", texts(q.name for q in solution.origin.states))
     into.data("state", trajectory.states, "time", "state_name")
     if isinstance(trajectory, Trajectory):
         into.data("start_slope", trajectory.start_slopes, "step", "state_name")
         into.data("end_slope", trajectory.end_slopes, "step", "state_name")
     if isinstance(trajectory, Polynomials):
         into.group.attrs["degree"] = trajectory.degree
-    if solution.adjoint is not None:
-        into.data("costate", solution.adjoint.states, "time", "state_name")
+    if (adjoint := solution.adjoint) is not None:
+        into.data("costate", adjoint.states, "time", "state_name")
+        if adjoint.before is not None:
+            into.axis("cell", np.arange(len(adjoint.before)))
+            into.data("costate_before", adjoint.before, "cell", "state_name")
 
 
-def _write_dense(into: _Group, solution: Solution) -> None:
+def _write_dense(into: Group, solution: Solution) -> None:
     times = solution.dense_times
     _axes(into, solution, times)
     into.data("state", solution.state(times), "time", "state_name")
@@ -169,33 +145,33 @@ def _write_dense(into: _Group, solution: Solution) -> None:
             into.group.attrs[f"reference_{name}"] = np.nan if value is None else value
 
 
-def _write_control(into: _Group, solution: Solution) -> None:
+def _write_control(into: Group, solution: Solution) -> None:
     basis = solution.basis
     into.axis("index", basis.centres)
     into.axis("node", np.arange(len(solution.times)))
-    into.axis("control_name", _texts(q.name for q in solution.origin.controls))
+    into.axis("control_name", texts(q.name for q in solution.origin.controls))
     into.data("coefficients", solution.coefficients, "index", "control_name")
     into.data("mesh", solution.times, "node")
-    into.axis("parameter_name", _texts(q.name for q in solution.origin.parameters))
+    into.axis("parameter_name", texts(q.name for q in solution.origin.parameters))
     into.data("parameters", solution.parameters, "parameter_name")
     for name, value in basis.attributes.items():
         into.group.attrs[name] = value
     if isinstance(basis, ControlBasis) and basis.index_slopes is not None:
         into.axis("cell", np.arange(basis.cells))
-        into.axis("side", _texts(("start", "end")))
+        into.axis("side", texts(("start", "end")))
         into.data("index_slope", basis.index_slopes, "cell", "side")
 
 
-def _write_junctions(into: _Group, solution: Solution) -> None:
+def _write_junctions(into: Group, solution: Solution) -> None:
     found, controls = solution.junctions, solution.origin.controls
     into.axis("time", np.array([j.time for j in found], dtype=float))
-    into.data("control", _texts(controls[j.control].name for j in found), "time")
-    into.data("kind", _texts(j.kind for j in found), "time")
+    into.data("control", texts(controls[j.control].name for j in found), "time")
+    into.data("kind", texts(j.kind for j in found), "time")
     for name in OF_JUNCTIONS:
         into.data(name, np.array([getattr(j, name) for j in found], dtype=float), "time")
 
 
-def _write_refinement(into: _Group, refinement: Refinement) -> None:
+def _write_refinement(into: Group, refinement: Refinement) -> None:
     rounds, account = refinement.rounds, refinement.account
     into.group.attrs["kept"], into.group.attrs["outcome"] = refinement.kept, refinement.outcome
     into.axis("round", np.arange(len(rounds)))
@@ -209,36 +185,36 @@ def _write_refinement(into: _Group, refinement: Refinement) -> None:
         return
     numbers = asdict(account)
     zones = np.array(numbers.pop("left_out"), dtype=float).reshape(-1, 2)
-    inner = _Group(into.group, "account")
+    inner = Group(into.group, "account")
     inner.axis("zone", np.arange(len(zones)))
-    inner.axis("side", _texts(("start", "end")))
+    inner.axis("side", texts(("start", "end")))
     inner.data("left_out", zones, "zone", "side")
     for name, value in numbers.items():
         inner.group.attrs[name] = value
 
 
-def _write_extremal(into: _Group, extremal: Extremal) -> None:
-    arcs, rows = _Group(into.group, "arcs"), _Group(into.group, "certificate")
+def _write_extremal(into: Group, extremal: Extremal) -> None:
+    arcs, rows = Group(into.group, "arcs"), Group(into.group, "certificate")
     arcs.axis("arc", np.arange(len(extremal.arcs)))
     _write_fields(arcs, Arc, extremal.arcs, "arc")
     rows.axis("row", np.arange(len(extremal.certificate)))
     _write_fields(rows, Condition, extremal.certificate, "row")
     into.axis("time", extremal.times)
-    into.axis("curve", _texts(extremal.curves))
+    into.axis("curve", texts(extremal.curves))
     curves = np.array(list(extremal.curves.values()), dtype=float)
     into.data("curves", curves.reshape(len(curves), len(extremal.times)), "curve", "time")
 
 
-def _write_fields(into: _Group, kind: Any, values: tuple[Any, ...], axis: str) -> None:
+def _write_fields(into: Group, kind: Any, values: tuple[Any, ...], axis: str) -> None:
     """Write each field of a dataclass, text or number, along the values."""
     for field in fields(kind):
         column = [getattr(value, field.name) for value in values]
         numbers = field.type == "float"  # the annotation as it is written
-        array = np.array(column, dtype=float) if numbers else _texts(map(str, column))
+        array = np.array(column, dtype=float) if numbers else texts(map(str, column))
         into.data(field.name, array, axis)
 
 
-def _write_statistics(into: _Group, solution: Solution) -> None:
+def _write_statistics(into: Group, solution: Solution) -> None:
     evidence = solution.evidence
     attributes = into.group.attrs
     attributes["status"], attributes["success"] = solution.status.name, solution.success
@@ -248,13 +224,13 @@ def _write_statistics(into: _Group, solution: Solution) -> None:
     numbers = {f.name: getattr(evidence, f.name) for f in fields(Evidence)} | asdict(
         solution.statistics
     )
-    into.axis("control_name", _texts(q.name for q in solution.origin.controls))
+    into.axis("control_name", texts(q.name for q in solution.origin.controls))
     for name in BY_CONTROL:
         into.data(name, np.array(numbers.pop(name), dtype=float), "control_name")
     for name in SENTENCES:
         attributes[name] = json.dumps(numbers.pop(name), ensure_ascii=False)
     found = numbers.pop("violations")
-    into.axis("constraint", _texts(v.constraint for v in found))
+    into.axis("constraint", texts(v.constraint for v in found))
     for name in ("time", "amount", "scale"):
         values = np.array([getattr(v, name) for v in found], dtype=float)
         into.data(f"violation_{name}", values, "constraint")
@@ -262,11 +238,11 @@ def _write_statistics(into: _Group, solution: Solution) -> None:
         attributes[name] = -1 if value is None else value
 
 
-def _write_drawing(into: _Group, drawing: Drawing, times: Array) -> None:
+def _write_drawing(into: Group, drawing: Drawing, times: Array) -> None:
     into.group.attrs["name"], into.group.attrs["title"] = drawing.name, drawing.title
-    into.axis("curve", _texts(drawing.curves))
+    into.axis("curve", texts(drawing.curves))
     into.axis("time", times)
-    into.axis("axis", _texts(drawing.labels))
+    into.axis("axis", texts(drawing.labels))
     into.data("coordinates", np.array(list(drawing.curves.values())), "curve", "time", "axis")
     axes, balls, boxes = len(drawing.labels), drawing.balls, drawing.blocks
     into.axis("ball", np.arange(len(balls)))

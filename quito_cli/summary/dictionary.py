@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from quito_cli.summary.arcs import arcs_as_list, certificate_as_list
 from quito_cli.summary.meshes import junctions_as_list, refinement_as_dictionary
+from quito_cli.summary.polishing import polishing_as_dictionary
 
 if TYPE_CHECKING:
     from quito_cli.solution.solution import Solution
@@ -57,6 +58,7 @@ def as_dictionary(solution: Solution, result: Path | None, plot: Path | None) ->
         "switching_times": list(solution.switching_times),
         "junctions": junctions_as_list(solution),
         "refinement": refinement_as_dictionary(solution.refinement),
+        "polish": polishing_as_dictionary(solution.polishing),
         "arcs": arcs_as_list(solution),
         "certificate": certificate_as_list(solution),
         "warnings": list(solution.warnings),

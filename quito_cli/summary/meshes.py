@@ -56,15 +56,17 @@ def _rounded(value: float, size: float) -> str:
 
 
 def mesh_rows(solution: Solution) -> list[tuple[str, str]]:
-    """Return how an adaptive mesh was found, and how far its control may be from the truth."""
+    """Return how an adaptive mesh was found, and how far its control may be from the truth.
+
+    What is said of the control is not said of a polished one.
+    """
     if solution.options.get("mesh") != "adaptive":
         return []
     how = solution.refinement
     if how is None:
         return [("mesh", "not refined: the solve on the first mesh did not end well")]
-    return _under("mesh", [_meshes(how), *wrap(how.outcome, _WIDTH)]) + _error(
-        solution, how.account
-    )
+    rows = _under("mesh", [_meshes(how), *wrap(how.outcome, _WIDTH)])
+    return rows if solution.polished else rows + _error(solution, how.account)
 
 
 def _meshes(how: Refinement) -> str:

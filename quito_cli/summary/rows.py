@@ -8,6 +8,7 @@ from quito_cli.problem.options import COLLOCATION
 from quito_cli.solve import Options
 from quito_cli.summary.arcs import arc_rows, pontryagin_rows
 from quito_cli.summary.meshes import junction_rows, mesh_rows
+from quito_cli.summary.polishing import polish_rows
 
 if TYPE_CHECKING:
     from quito_cli.solution.solution import Solution, Statistics
@@ -28,7 +29,7 @@ def _figures(solution: Solution) -> list[tuple[str, str]]:
     rows = [
         ("cost", _cost(solution)),
         ("iterations", times),
-        ("method", _method(solution.options)),
+        ("method", _method(solution.options) + (", polished" if solution.polished else "")),
     ]
     if statistics.program == "QP" or statistics.solver != Options.solver:
         rows.append(("program", _program(statistics)))
@@ -62,7 +63,8 @@ def _figures(solution: Solution) -> list[tuple[str, str]]:
             continue
         pairs = zip(names, values, strict=True)
         rows.append((label, ", ".join(f"{name} {value:.3g}" for name, value in pairs)))
-    return [*rows, *junction_rows(solution), *arc_rows(solution), *mesh_rows(solution)]
+    rows += [*junction_rows(solution), *arc_rows(solution), *mesh_rows(solution)]
+    return [*rows, *polish_rows(solution)]
 
 
 def _cost(solution: Solution) -> str:

@@ -1,0 +1,153 @@
+"""An entry of a suite -> its cases: defaults laid under it, its matrix spelled out.
+
+Of an option or a constant that is said several times, the matrix counts, then the entry, then the
+defaults of the suite. `null` takes an option or an expectation of the defaults back.
+
+A sweep is to be one more source of combinations beside the matrix: cases of an entry, with their
+`axes`, and with `follows` where they are solved by continuation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from math import prod
+from typing import Any
+
+from pydantic import ValidationError
+
+from quito_cli.batch.case import Case, Expectation, Scalar
+from quito_cli.batch.limits import Limits
+from quito_cli.batch.schema_expect import Expect
+from quito_cli.batch.schema_suite import MAX_CASES, Entry, Shared
+from quito_cli.problem.load import SETTABLE
+from quito_cli.problem.options import FileOptions
+from quito_cli.problem.text.complaints import Complaint, Path, suggest
+from quito_cli.problem.wording import expected
+
+OPTIONS = tuple(name for name in FileOptions.model_fields if name != "solver_options")
+"""Options that may be axes of a matrix."""
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A case, what it may take, and where the suite asks for it."""
+
+    case: Case
+    limits: Limits
+    place: Path
+
+
+def expanded(
+    name: str,
+    problem: str,
+    entry: Entry,
+    defaults: Shared,
+    place: Path,
+    content: Mapping[str, Any] | None,
+) -> tuple[Iterator[Draft], list[Complaint]]:
+    """Return a case for every combination of an entry's matrix, and what is wrong with it.
+
+    Args:
+        name: of the case; those of a matrix add their place in it.
+        problem: as `Case` has it.
+        entry: of the suite.
+        defaults: of the suite.
+        place: of the entry in the file.
+        content: data of the problem file; None where they cannot be read.
+    """
+    wrong = [*_wrong_axes(entry, place), *_wrong_names(entry, place, content)]
+    count = prod(len(values) for values in entry.matrix.values())
+    if count > MAX_CASES:
+        message = f"this matrix has {count:,} combinations, and {MAX_CASES:,} are the most"
+        wrong.append(Complaint((*place, "matrix"), message, key=True))
+    limits = entry.limits.over(defaults.limits.over(Limits(None, None)))
+    options = _options(defaults) | _options(entry)
+    options = {key: value for key, value in options.items() if value is not None}
+    constants = {**defaults.set, **entry.set}
+    expectations = tuple(_expectations(defaults.expect, entry.expect))
+
+    def cases() -> Iterator[Draft]:
+        for axes in combinations(entry.matrix):
+            given = {key: value for key, value in axes.items() if key in OPTIONS}
+            case = Case(
+                name + in_brackets(axes),
+                problem,
+                options | given,
+                constants | {key: value for key, value in axes.items() if key not in given},
+                expectations,
+                axes,
+            )
+            yield Draft(case, limits, place)
+
+    return cases(), wrong
+
+
+def combinations(matrix: Mapping[str, Sequence[Scalar]]) -> Iterator[dict[str, Scalar]]:
+    """Yield every combination of the values of several axes, the last one changing first."""
+    for values in product(*matrix.values()):
+        yield dict(zip(matrix, values, strict=True))
+
+
+def in_brackets(axes: Mapping[str, Scalar]) -> str:
+    """Return a place in a matrix, as a part of the name of a case: `[steps=50,mu=0.1]`."""
+    if not axes:
+        return ""
+    return f"[{','.join(f'{key}={_short(value)}' for key, value in axes.items())}]"
+
+
+def _short(value: Scalar) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:g}" if isinstance(value, float) and float(f"{value:g}") == value else str(value)
+
+
+def _options(shared: Shared) -> dict[str, Any]:
+    return shared.options.model_dump(exclude_unset=True)
+
+
+def _expectations(defaults: Expect, own: Expect) -> Iterator[Expectation]:
+    said = {
+        key: getattr(one, key) for one in (defaults, own) for key in sorted(one.model_fields_set)
+    }
+    yield from Expect.model_construct(**said).expectations()
+
+
+def _wrong_axes(entry: Entry, place: Path) -> Iterator[Complaint]:
+    """Yield what is wrong with the values of axes that are options."""
+    for axis, values in entry.matrix.items():
+        for i, value in enumerate(values):
+            at = (*place, "matrix", axis, i)
+            if value in values[:i]:
+                yield Complaint(at, f"{axis} takes this value already")
+            if axis in OPTIONS:
+                try:
+                    FileOptions.model_validate({axis: value})
+                except ValidationError as error:
+                    yield Complaint(at, expected(error.errors()[0], ("options", axis)))
+
+
+def _wrong_names(
+    entry: Entry, place: Path, content: Mapping[str, Any] | None
+) -> Iterator[Complaint]:
+    """Yield names that the problem has no constant of, nor a solve an option."""
+    if content is None:
+        return
+    there = content.get("constants")
+    constants = list(there) if isinstance(there, dict) else []
+    for section in ("set", "matrix"):
+        for key in getattr(entry, section):
+            at = (*place, section, key)
+            if key in constants or (section == "matrix" and key in OPTIONS):
+                continue
+            if "." in key and key.split(".")[0] in SETTABLE:
+                continue
+            known = [*constants, *(OPTIONS if section == "matrix" else ())]
+            hint = suggest(key, known)
+            if section == "set" and key in OPTIONS:
+                hint = "; that is an option: it belongs under `options:`"
+            what = "constant" if section == "set" else "constant or option"
+            paths = "; other values are set by their path, such as states.x1.upper"
+            message = f"the problem has no {what} {key!r}{hint or paths}"
+            yield Complaint(at, message, length=len(key), key=True)

@@ -1,0 +1,119 @@
+"""A suite run with its journal: what has finished is on disk at once, and a run can be resumed."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+from quito_cli.batch.case import Ending, Finished
+from quito_cli.batch.journal import Journal
+from quito_cli.batch.limits import Limits, bytes_of
+from quito_cli.batch.run import NO_LIMITS, Setting, available, run
+from quito_cli.batch.solving import Keep
+from quito_cli.batch.suite import Suite, gather
+from quito_cli.errors import UsageError
+
+_WORST_FIRST: Final = (2, 1, 3)
+"""Exit codes: where cases ended differently, the first of these counts."""
+
+
+def journal_path(folder: Path, suite: Suite) -> Path:
+    """Return where the journal of a suite is, beside its results."""
+    return folder / f"{suite.name}.batch.jsonl"
+
+
+def recorded(suite: Suite, setting: Setting, *, resume: bool) -> Iterator[Finished]:
+    """Run a suite, and write down every case as it finishes.
+
+    Args:
+        suite: what to run.
+        setting: how.
+        resume: whether to go on where an earlier run stopped: what it finished is yielded first.
+
+    Raises:
+        UsageError: there is nothing to resume, it is of other cases, or another run is at it.
+        ResultFileError: the journal cannot be read or written.
+    """
+    with Journal(journal_path(setting.folder, suite), suite.cases, resume=resume) as journal:
+        yield from (journal.done[c.name] for c in suite.cases if c.name in journal.done)
+        for finished in run(suite.cases, setting, journal.done):
+            journal.write(finished)
+            yield finished
+
+
+def run_suite(
+    suite: str | Path | Suite | Sequence[str],
+    *,
+    jobs: int | None = None,
+    output: str | Path = "results",
+    time_limit: float | None = None,
+    memory_limit: int | str | None = None,
+    keep: Keep = "all",
+    resume: bool = False,
+) -> tuple[Finished, ...]:
+    """Solve all cases of a suite, as `quito batch` does.
+
+    Args:
+        suite: a suite or a problem file, the name of a bundled one, or several of these.
+        jobs: cases that are solved at once; as many as there are processors by default.
+        output: folder of the result files.
+        time_limit: seconds of a case; by default what the suite says.
+        memory_limit: of a case, in bytes or such as "2 GB"; by default what the suite says.
+        keep: whose result files stay: those of "all" cases, of "failed" ones, or "none".
+        resume: go on where an earlier run stopped.
+
+    Returns:
+        What became of the cases, in the order of the suite.
+
+    Raises:
+        UsageError: no such suite, or nothing to resume.
+        ProblemError: the suite has mistakes; all of them are told.
+    """
+    if isinstance(suite, str | Path):
+        suite = [str(suite)]
+    if not isinstance(suite, Suite):
+        suite = gather(suite, {}, {})
+    suite = limited(suite, time_limit, memory_limit)
+    setting = Setting(jobs or available(), Path(output), keep, suite.limits)
+    return in_order(suite, recorded(suite, setting, resume=resume))
+
+
+def limited(suite: Suite, seconds: float | None, memory: int | str | None) -> Suite:
+    """Return a suite with limits for all of its cases, where they are given.
+
+    Raises:
+        UsageError: a limit is none.
+    """
+    if seconds is not None and not seconds > 0:
+        raise UsageError(f"time-limit: a number of seconds above 0 is expected, got {seconds:g}")
+    size = None if memory is None else bytes_of(memory)
+
+    def over(below: Limits) -> Limits:
+        return Limits(
+            below.seconds if seconds is None else seconds, below.memory if size is None else size
+        )
+
+    every = {case.name: over(suite.limits.get(case.name, NO_LIMITS)) for case in suite.cases}
+    return replace(suite, limits=every)
+
+
+def in_order(suite: Suite, finished: Iterable[Finished]) -> tuple[Finished, ...]:
+    """Return finished cases in the order of their suite."""
+    places = {case.name: i for i, case in enumerate(suite.cases)}
+    return tuple(sorted(finished, key=lambda one: places[one.case.name]))
+
+
+def counted(finished: Iterable[Finished]) -> dict[Ending, int]:
+    """Return how many cases ended how, in the order of `Ending`."""
+    counts = Counter(one.ending for one in finished)
+    return {ending: counts[ending] for ending in Ending if counts[ending]}
+
+
+def exit_code(finished: Iterable[Finished]) -> int:
+    """Return what a run ends with: 0 where all passed, 2 where one was refused, 1 where one did
+    not solve, 3 where one is outside its tolerance; interrupted ones say nothing."""
+    codes = {one.ending.exit_code for one in finished}
+    return next((code for code in _WORST_FIRST if code in codes), 0)

@@ -1,0 +1,267 @@
+"""Cases -> Finished cases, as they finish: a few workers, each taking one case after another.
+
+A case that follows another waits for it and starts from its answer; where that is no answer, from
+the answer of what it followed in turn, and so on. So what a case comes to does not depend on how
+many workers there are. A case that crashes, hangs or takes too much memory ends as that, and its
+worker is replaced.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import time
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from multiprocessing.connection import wait
+from pathlib import Path
+from typing import Any, Final
+
+from quito_cli.batch.case import Case, Ending, Finished
+from quito_cli.batch.limits import Limits
+from quito_cli.batch.solving import BEGUN, Keep, file_stem, result_path, solve_case
+from quito_cli.batch.worker import Died, Raised, Returned, Told, Worker
+from quito_cli.errors import UsageError
+
+_LOOK: Final = 0.1
+"""Seconds between two looks at the clock and at whether to stop."""
+_LOADING: Final = 60.0
+"""Seconds that a worker may take to load its modules before its case begins."""
+_GRACE: Final = 5.0
+"""Seconds that a case has to stop with what it has."""
+_LAST_WORDS: Final = 300
+"""Characters of what a dead worker printed that are told."""
+NO_LIMITS: Final = Limits(None, None)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """How cases are run, all of them alike."""
+
+    jobs: int
+    """Workers at most."""
+    folder: Path
+    """Where results go; made where it is missing."""
+    keep: Keep
+    """Whose results stay."""
+    limits: Mapping[str, Limits] = field(default_factory=dict)
+    """By name of the case; none where it is not named."""
+    record: Collection[str] = ()
+    """Figures to be found beside those that are expected: costly ones of `batch.figures`."""
+    stop: Callable[[], bool] = lambda: False
+    """Asked now and then: whether to stop with what there is."""
+    watch: Callable[[str, Any], None] | None = None
+    """Told the name of a case and the Progress of its solver, now and then; and None at its
+    start."""
+    job: Callable[..., Finished] = solve_case
+    """What a worker does with a case."""
+
+
+def run(
+    cases: Sequence[Case], setting: Setting, done: Mapping[str, Finished] | None = None
+) -> Iterator[Finished]:
+    """Solve cases.
+
+    Args:
+        cases: with names of their own.
+        setting: how.
+        done: what is finished already, by name: it is not solved again, nor yielded.
+
+    Yields:
+        What became of each, as it comes. When stopped, cases at work are yielded as interrupted,
+        and those that have not begun are not yielded.
+
+    Raises:
+        UsageError: two cases have a name, or cases follow one another in a circle, or what is none.
+    """
+    _refuse_tangles(cases)
+    setting.folder.mkdir(parents=True, exist_ok=True)
+    clean(setting.folder, cases)
+    finished = dict(done or {})
+    pending = {case.name: case for case in cases if case.name not in finished}
+    places = [_Place(Worker(None)) for _ in range(min(setting.jobs, len(pending)))]
+    everything = {case.name: case for case in cases}
+    try:
+        while pending or any(place.case for place in places):
+            if setting.stop():
+                yield from _stopped(places)
+                return
+            _assign(places, pending, finished, everything, setting)
+            for ended in _heard(places, setting):
+                finished[ended.case.name] = ended
+                yield ended
+    finally:
+        for place in places:
+            place.worker.close()
+
+
+@dataclass
+class _Place:
+    """A worker and what it is at."""
+
+    worker: Worker
+    case: Case | None = None
+    started: float = 0.0
+    deadline: float | None = None
+    limits: Limits = NO_LIMITS
+
+    def end(self, ending: Ending, message: str) -> Finished:
+        """Return its case as one without an answer."""
+        assert self.case is not None
+        seconds = time.perf_counter() - self.started
+        ended, self.case = Finished(self.case, ending, message, {}, (), seconds, None), None
+        return ended
+
+    def take(self, case: Case, guess: Path | None, setting: Setting) -> None:
+        """Begin with a case."""
+        self.case, self.limits = case, setting.limits.get(case.name, NO_LIMITS)
+        self.started = time.perf_counter()
+        self.deadline = None if self.limits.seconds is None else self.started + _LOADING
+        self.worker.memory = self.limits.memory
+        keep: Keep = setting.keep
+        watched = setting.watch is not None
+        self.worker.start(setting.job, case, guess, setting.folder, keep, setting.record, watched)
+        if setting.watch is not None:
+            setting.watch(case.name, None)
+
+    def hear(self, setting: Setting) -> Finished | None:
+        """Return its case where it has ended."""
+        assert self.case is not None
+        match self.worker.receive():
+            case Told(message) if message == BEGUN:
+                self.started = time.perf_counter()
+                if self.limits.seconds is not None:
+                    self.deadline = self.started + self.limits.seconds
+            case Told(message):
+                if setting.watch is not None:
+                    setting.watch(self.case.name, message)
+            case Returned(finished):
+                self.case = None
+                assert isinstance(finished, Finished)
+                return finished
+            case Raised(error):
+                return self.end(Ending.CRASHED, f"a bug in quito: {error}")
+            case Died() as died:
+                ending = Ending.OUT_OF_MEMORY if died.out_of_memory else Ending.CRASHED
+                return self.end(ending, _obituary(died))
+        return None
+
+
+def _assign(
+    places: Sequence[_Place],
+    pending: dict[str, Case],
+    finished: Mapping[str, Finished],
+    everything: Mapping[str, Case],
+    setting: Setting,
+) -> None:
+    """Give idle workers the first cases that need not wait."""
+    for place in places:
+        if place.case is not None:
+            continue
+        ready = (c for c in pending.values() if c.follows is None or c.follows in finished)
+        case = next(ready, None)
+        if case is None:
+            return
+        del pending[case.name]
+        place.take(case, _guess(case, finished, everything), setting)
+
+
+def _guess(
+    case: Case, finished: Mapping[str, Finished], everything: Mapping[str, Case]
+) -> Path | None:
+    """Return the answer to start from: the nearest on the way that a case follows."""
+    name = case.follows
+    while name is not None:
+        before = finished[name]
+        if before.ending in (Ending.PASSED, Ending.OUTSIDE) and before.result is not None:
+            return before.result
+        name = everything[name].follows
+    return None
+
+
+def _heard(places: Sequence[_Place], setting: Setting) -> Iterator[Finished]:
+    """Wait for a while; yield what has ended, by itself or by its limits."""
+    busy = [place for place in places if place.case is not None]
+    now = time.perf_counter()
+    times = [place.deadline - now for place in busy if place.deadline is not None]
+    ready = wait([place.worker.connection for place in busy], max(0.0, min([_LOOK, *times])))
+    for place in busy:
+        if place.worker.connection in ready:
+            if (ended := place.hear(setting)) is not None:
+                yield ended
+        elif place.deadline is not None and time.perf_counter() > place.deadline:
+            place.worker.kill()
+            limit = place.limits.seconds
+            yield place.end(Ending.TIMED_OUT, f"it took more than its limit of {limit:g} s")
+
+
+def _stopped(places: Sequence[_Place]) -> Iterator[Finished]:
+    """Ask all that are at work to stop; yield them as interrupted, with what they have."""
+    busy = [place for place in places if place.case is not None]
+    for place in busy:
+        place.worker.interrupt()
+    end = time.perf_counter() + _GRACE
+    quiet = Setting(1, Path(), "none")
+    while busy and (left := end - time.perf_counter()) > 0:
+        ready = wait([place.worker.connection for place in busy], left)
+        for place in [one for one in busy if one.worker.connection in ready]:
+            ended = place.hear(quiet)
+            if ended is not None:
+                busy.remove(place)
+                yield ended
+    for place in busy:
+        place.worker.kill()
+        yield place.end(Ending.INTERRUPTED, "it did not stop when it was asked to")
+
+
+def _obituary(died: Died) -> str:
+    last = died.printed[-_LAST_WORDS:]
+    return f"{died.sentence}; its last words: {last}" if last else died.sentence
+
+
+def _refuse_tangles(cases: Sequence[Case]) -> None:
+    """Refuse names that are not a case's own, and cases that wait for ever.
+
+    Raises:
+        UsageError: naming the cases.
+    """
+    seen: dict[str, str] = {}
+    for case in cases:
+        stem = file_stem(case.name).casefold()
+        if stem in seen:
+            raise UsageError(
+                f"the cases {seen[stem]} and {case.name} would have the same result file: give one "
+                "another name"
+            )
+        seen[stem] = case.name
+    follows = {case.name: case.follows for case in cases}
+    settled: set[str] = set()
+    for name in follows:
+        chain: list[str] = []
+        at: str | None = name
+        while at is not None and at not in settled:
+            if at not in follows:
+                raise UsageError(f"the case {chain[-1]} follows {at}, and there is no such case")
+            if at in chain:
+                raise UsageError(f"the case {name} follows itself, by way of {', '.join(chain)}")
+            chain.append(at)
+            at = follows[at]
+        settled.update(chain)
+
+
+def available() -> int:
+    """Return the processors that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def clean(folder: Path, cases: Sequence[Case]) -> None:
+    """Remove what a run that was killed has left of files of these cases that it was writing."""
+    stems = {result_path(folder, case.name).stem for case in cases}
+    for path in folder.glob(".*.h5"):
+        found = re.fullmatch(r"\.(.+)\.[0-9]+\.h5", path.name)
+        if found and found[1] in stems:
+            with suppress(OSError):
+                path.unlink()

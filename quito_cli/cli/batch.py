@@ -1,0 +1,209 @@
+"""`quito batch`: many cases in, a verdict out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from quito_cli.cli.options import (
+    GeneratingFunction,
+    MaxIterations,
+    Settings,
+    Steps,
+    Substeps,
+    Tolerance,
+)
+from quito_cli.cli.output import check_folder
+from quito_cli.cli.solve import INTERRUPTED
+from quito_cli.errors import UsageError
+from quito_cli.solve import Options
+
+if TYPE_CHECKING:
+    from quito_cli.batch.case import Finished
+    from quito_cli.batch.run import Setting
+    from quito_cli.batch.suite import Suite
+    from quito_cli.cli.live import Live
+
+_KEEPS = ("all", "failed", "none")
+
+
+def batch(
+    targets: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="SUITE.yaml|FILE...",
+            help="A suite, or problem files; or names of bundled ones.",
+        ),
+    ],
+    jobs: Annotated[
+        int | None,
+        typer.Option("-j", "--jobs", help="Cases at once. [default: as many as processors]"),
+    ] = None,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Folder for results and the journal.")
+    ] = Path("results"),
+    time_limit: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", help="Of each case; wins over the suite's."),
+    ] = None,
+    memory_limit: Annotated[
+        str | None,
+        typer.Option(metavar="SIZE", help="Of each case, such as 2GB; wins over the suite's."),
+    ] = None,
+    keep: Annotated[
+        str, typer.Option(help="Result files that stay: all, failed (those of other cases), none.")
+    ] = "all",
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on where a run of these cases stopped.")
+    ] = False,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--filter",
+            metavar="PATTERN",
+            help="Cases whose name has this in it, or is it, with * and ?; may be repeated.",
+        ),
+    ] = None,
+    fail_fast: Annotated[
+        bool, typer.Option("--fail-fast", help="Stop at the first case that does not pass.")
+    ] = False,
+    listed: Annotated[bool, typer.Option("--list", help="Show the cases, and solve none.")] = False,
+    steps: Steps = None,
+    variance: Annotated[
+        float | None,
+        typer.Option(
+            help=f"Shape parameter D of the generating function. [default: {Options.variance:g}]"
+        ),
+    ] = None,
+    generating_function: GeneratingFunction = None,
+    discretization: Annotated[
+        str | None,
+        typer.Option(help=f"As in `quito solve`. [default: {Options.discretization}]"),
+    ] = None,
+    substeps: Substeps = None,
+    mesh: Annotated[
+        str | None, typer.Option(help=f"uniform or adaptive. [default: {Options.mesh}]")
+    ] = None,
+    tolerance: Tolerance = None,
+    max_iterations: MaxIterations = None,
+    solver: Annotated[
+        str | None, typer.Option(help=f"One of `quito solvers`. [default: {Options.solver}]")
+    ] = None,
+    settings: Settings = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object, and nothing else.")
+    ] = False,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="Print cases that do not pass, and no others.")
+    ] = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Print every check, and a table at the end.")
+    ] = False,
+) -> None:
+    """Solve the cases of a suite, each in a process that may fail alone; hold them to what is
+    expected.
+
+    Options of the solves are for problem files: a suite says its own.
+
+    Exit codes: 0 all as expected, 3 something outside its tolerance, 1 something did not solve, 2 a
+    wrong suite or a case that was refused, 130 interrupted.
+    """
+    from quito_cli.batch.recorded import limited
+    from quito_cli.batch.run import Setting, available
+    from quito_cli.batch.suite import gather, selected
+    from quito_cli.problem.load import parse_settings
+
+    options = {
+        "steps": steps,
+        "variance": variance,
+        "generating_function": generating_function,
+        "discretization": discretization,
+        "substeps": substeps,
+        "mesh": mesh,
+        "tolerance": tolerance,
+        "max_iterations": max_iterations,
+        "solver": solver,
+    }
+    given = {name: value for name, value in options.items() if value is not None}
+    check_folder(output)
+    _check(jobs, keep)
+    suite = gather(targets, given, parse_settings(settings or [], "--set"))
+    suite = limited(selected(suite, only or []), time_limit, memory_limit)
+    if listed:
+        from quito_cli.cli.cases import print_cases
+
+        print_cases(suite, as_json=as_json)
+        return
+    from quito_cli.cli.live import Live
+
+    live = Live(len(suite.cases), quiet=quiet or as_json, verbose=verbose)
+    setting = Setting(jobs or available(), output, keep, suite.limits)  # type: ignore[arg-type]
+    finished, interrupted = _run(suite, setting, live, resume=resume, fail_fast=fail_fast)
+    _report(suite, finished, setting, as_json=as_json, quiet=quiet, verbose=verbose)
+    _leave(suite, finished, interrupted)
+
+
+def _check(jobs: int | None, keep: str) -> None:
+    """Refuse what means nothing."""
+    if jobs is not None and jobs < 1:
+        raise UsageError(f"jobs: a number from 1 on is expected, got {jobs}")
+    if keep not in _KEEPS:
+        raise UsageError(f"keep: expected {', '.join(_KEEPS[:-1])} or {_KEEPS[-1]}, got {keep!r}")
+
+
+def _run(
+    suite: Suite, setting: Setting, live: Live, *, resume: bool, fail_fast: bool
+) -> tuple[tuple[Finished, ...], bool]:
+    """Return what became of the cases, in their order, and whether the user stopped it."""
+    from dataclasses import replace
+
+    from quito_cli.batch.case import Ending
+    from quito_cli.batch.recorded import in_order, recorded
+    from quito_cli.solvers.interruption import interruptible
+
+    finished: list[Finished] = []
+    with interruptible() as interruption, live:
+
+        def stop() -> bool:
+            live.draw()
+            failed = fail_fast and any(one.ending is not Ending.PASSED for one in finished)
+            return interruption.requested or failed
+
+        setting = replace(setting, stop=stop, watch=live.watch if live.moving else None)
+        for one in recorded(suite, setting, resume=resume):
+            finished.append(one)
+            live.show(one)
+        return in_order(suite, finished), interruption.requested
+
+
+def _report(
+    suite: Suite,
+    finished: tuple[Finished, ...],
+    setting: Setting,
+    *,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
+) -> None:
+    """Say what became of the cases, in every form that was asked for."""
+    from quito_cli.cli.cases import print_json, print_summary
+
+    if as_json:
+        print_json(suite, finished)
+    elif not quiet:
+        print_summary(suite, finished, setting.folder, verbose=verbose)
+
+
+def _leave(suite: Suite, finished: tuple[Finished, ...], interrupted: bool) -> None:
+    """Exit with what the run came to."""
+    from quito_cli.batch.recorded import exit_code
+
+    if interrupted:
+        begun = f"{len(finished)} of {len(suite.cases)} cases"
+        typer.echo(f"Interrupted; {begun} had begun: --resume goes on.", err=True)
+        raise typer.Exit(INTERRUPTED)
+    code = exit_code(finished)
+    if code:
+        raise typer.Exit(code)

@@ -1,0 +1,216 @@
+"""The next structure to try: arcs that have no length dropped, arcs that are missing inserted.
+
+What each fault asks for is one row of a table. A fault says from when to when an inequality does
+not hold; there a phase of its own is cut out, and does what the inequality asks for. Where that is
+what the neighbouring phase does already, the two become one, and a junction has moved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from quito_cli.optimality.polish.faults import Fault, What
+from quito_cli.optimality.polish.setting import Setting
+from quito_cli.optimality.polish.structure import Held, Kind, Phase, Structure
+
+ADJACENT = 1e-6
+"""Part of the horizon by which a fault may begin after a junction, and still begin at it."""
+
+
+@dataclass(frozen=True)
+class Revision:
+    """A structure to try, and why."""
+
+    structure: Structure
+    action: str
+    """`drop`, `insert` or `release`."""
+    sentence: str
+
+
+def revised(setting: Setting, structure: Structure, fault: Fault) -> Revision | None:
+    """Return the structure that a fault asks for; None where nothing is known to help.
+
+    Args:
+        setting: the problem.
+        structure: with the times that were found.
+        fault: the one to mend.
+    """
+    mend = _MENDS.get(fault.what)
+    found = None if mend is None else mend(setting, structure, fault)
+    if found is None:
+        return None
+    phases = tuple(setting.consistent(phase) for phase in found.structure.phases)
+    whole = replace(found.structure, phases=phases).merged()
+    if whole.phases == structure.phases and whole.touches == structure.touches:
+        return None
+    return replace(found, structure=whole)
+
+
+def dropped(structure: Structure, k: int) -> Structure:
+    """Return a structure without phase k: its neighbours meet in its middle.
+
+    Where the junctions on either side are changes of different controls that were met in the wrong
+    order, they are put in the other order instead.
+    """
+    if len(structure.phases) == 1:
+        return structure
+    swapped = _swapped(structure, k)
+    if swapped is not None:
+        return swapped
+    last = len(structure.phases) - 1
+    if k == 0:
+        return structure.without(1, structure.phases[1:])
+    if k == last:
+        return structure.without(last, structure.phases[:-1])
+    if structure.named(k + 1):
+        return structure.without(k, structure.phases[:k] + structure.phases[k + 1 :])
+    middle = (structure.times[k] + structure.times[k + 1]) / 2
+    if structure.named(k):
+        middle = structure.times[k]
+    times = (*structure.times[:k], middle, *structure.times[k + 1 :])
+    moved = replace(structure, times=times)
+    return moved.without(k + 1, structure.phases[:k] + structure.phases[k + 1 :])
+
+
+def _swapped(structure: Structure, k: int) -> Structure | None:
+    """Return phase k with what changes before it and after it in the other order."""
+    if not 0 < k < len(structure.phases) - 1:
+        return None
+    a, b, c = structure.phases[k - 1 : k + 2]
+    first = {i for i in range(len(a.kinds)) if a.kinds[i] != b.kinds[i]}
+    second = {i for i in range(len(a.kinds)) if b.kinds[i] != c.kinds[i]}
+    rows_first, rows_second = a.held ^ b.held, b.held ^ c.held
+    if first & second or rows_first & rows_second or structure.times[k + 1] >= structure.times[k]:
+        return None
+    kinds = tuple(c.kinds[i] if i in second else a.kinds[i] for i in range(len(a.kinds)))
+    phase = Phase(kinds, a.held ^ rows_second)
+    times = list(structure.times)
+    times[k], times[k + 1] = times[k + 1], times[k]
+    phases = (*structure.phases[:k], phase, *structure.phases[k + 1 :])
+    return replace(structure, phases=phases, times=tuple(times))
+
+
+def _vanished(setting: Setting, structure: Structure, fault: Fault) -> Revision:
+    k = fault.phase
+    phase = structure.phases[k]
+    before = structure.phases[k - 1].held if k else frozenset()
+    after = structure.phases[k + 1].held if k + 1 < len(structure.phases) else frozenset()
+    own = [h for h in phase.held - before - after if (setting.active(h).order or 0) >= 2]
+    found = dropped(structure, k)
+    if own and 0 < k < len(structure.phases) - 1:
+        found = replace(found, touches=(*found.touches, (k, own[0])))
+        label = setting.system.rows[own[0][0]].label
+        return Revision(found, "drop", f"the arc of {label} has no length: it is a touch")
+    return Revision(found, "drop", fault.sentence)
+
+
+def _sign(setting: Setting, structure: Structure, fault: Fault) -> Revision:
+    """At the other bound an affine control has the sign that was found; a regular one is free."""
+    i, bounds = fault.control, setting.system.model.control_bounds
+    if i in setting.controls.of_kind("regular"):
+        return _inserted(structure, fault, i, "free", f"{setting.name(i)} free")
+    other = bounds.lower[i] if fault.upper else bounds.upper[i]
+    kind: Kind = ("lower" if fault.upper else "upper") if np.isfinite(other) else "singular"
+    return _inserted(structure, fault, i, kind, f"{setting.name(i)} {kind}")
+
+
+def _beyond(setting: Setting, structure: Structure, fault: Fault) -> Revision:
+    kind: Kind = "upper" if fault.upper else "lower"
+    name = setting.name(fault.control)
+    return _inserted(structure, fault, fault.control, kind, f"{name} {kind}")
+
+
+def _inserted(structure: Structure, fault: Fault, i: int, kind: Kind, what: str) -> Revision:
+    start, end = _snapped(structure, fault)
+    kinds = structure.phases[fault.phase].kinds
+    changed = (*kinds[:i], kind, *kinds[i + 1 :])
+    found = structure.changed(start, end, kinds=changed)
+    return Revision(found, "insert", f"{fault.sentence}: an arc of {what} is put there")
+
+
+def _snapped(structure: Structure, fault: Fault) -> tuple[float, float]:
+    """Return when a fault begins and ends, within its phase."""
+    first, last = structure.span(fault.phase, fault.phase)
+    slack = ADJACENT * (structure.times[-1] - structure.times[0])
+    start, end = max(fault.start, first), min(fault.end, last)
+    return (first if start - first < slack else start), (last if last - end < slack else end)
+
+
+def _violated(setting: Setting, structure: Structure, fault: Fault) -> Revision | None:
+    assert fault.held is not None
+    known = setting.active(fault.held)
+    if known.order is None:
+        return None
+    start, end = _snapped(structure, fault)
+    if known.order >= 2 and not _touches_near(structure, fault.held, start, end):
+        found, k = structure.cut((start + end) / 2)
+        found = replace(found, touches=(*found.touches, (k, fault.held)))
+        return Revision(found, "insert", f"{fault.sentence}: a touch is put there")
+    phase = structure.phases[fault.phase]
+    kinds = list(phase.kinds)
+    if not any(kinds[i] == "free" for i in known.controls):
+        kinds[known.controls[0]] = "free"
+    found = structure.changed(start, end, kinds=tuple(kinds), held=phase.held | {fault.held})
+    found = _without_touches(found, fault.held, start, end)
+    return Revision(found, "insert", f"{fault.sentence}: an arc on it is put there")
+
+
+def _touches_near(structure: Structure, held: Held, start: float, end: float) -> bool:
+    reach = end - start
+    return any(
+        h == held and start - reach <= structure.times[k] <= end + reach
+        for k, h in structure.touches
+    )
+
+
+def _without_touches(structure: Structure, held: Held, start: float, end: float) -> Structure:
+    reach = end - start
+    kept = tuple(
+        (k, h)
+        for k, h in structure.touches
+        if h != held or not start - reach <= structure.times[k] <= end + reach
+    )
+    return replace(structure, touches=kept)
+
+
+def _pull(setting: Setting, structure: Structure, fault: Fault) -> Revision:
+    assert fault.held is not None
+    held, label = fault.held, setting.system.rows[fault.held[0]].label
+    phase = structure.phases[fault.phase]
+    start, end = _snapped(structure, fault)
+    known = setting.active(held)
+    if known.order or end <= start:  # a state constraint holds from end to end or not at all
+        start, end = structure.span(fault.phase, fault.phase)
+    kinds = list(phase.kinds)
+    for i in known.controls:
+        if kinds[i] == "free" and i in setting.controls.of_kind("affine"):
+            kinds[i] = _released(setting, held, i)
+            break
+    found = structure.changed(start, end, kinds=tuple(kinds), held=phase.held - {held})
+    if known.order and known.order >= 2:
+        found, k = found.cut((start + end) / 2)
+        found = replace(found, touches=(*found.touches, (k, held)))
+        return Revision(found, "release", f"{fault.sentence}: its arc is made a touch")
+    return Revision(found, "release", f"{fault.sentence}: {label} is not held there")
+
+
+def _released(setting: Setting, held: Held, i: int) -> Kind:
+    """Return the bound that an affine control goes to when a row lets go of it."""
+    values, _ = setting.probe.sizes(setting.active(held).slope[i])
+    to_lower = bool(np.nanmedian(values) > 0) == held[1]
+    bounds = setting.system.model.control_bounds
+    other = bounds.lower[i] if to_lower else bounds.upper[i]
+    return ("lower" if to_lower else "upper") if np.isfinite(other) else "singular"
+
+
+_MENDS: Final[dict[What, Callable[[Setting, Structure, Fault], Revision | None]]] = {
+    "vanished": _vanished,
+    "sign": _sign,
+    "beyond": _beyond,
+    "violated": _violated,
+    "pull": _pull,
+}

@@ -1,0 +1,138 @@
+"""What a polish knows of a problem before any structure: Pontryagin's system and its parts.
+
+Everything symbolic is derived here once, and kept: how each control enters H, what each row says
+where it is active, which feedback singular controls follow.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quito_cli.optimality.constraints import Active, active
+from quito_cli.optimality.controls import Controls, controls
+from quito_cli.optimality.hamiltonian import Pontryagin, sampled
+from quito_cli.optimality.probes import Probe
+from quito_cli.optimality.singular import Singular, singular
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+    from quito_cli.optimality.polish.structure import Held, Phase
+    from quito_cli.solution.solution import Solution
+
+Array = NDArray[np.float64]
+
+
+class UnsupportedError(Exception):
+    """Why a structure cannot be polished, in a sentence."""
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """Pontryagin's system of a problem, with its parts."""
+
+    system: Pontryagin
+
+    @cached_property
+    def probe(self) -> Probe:
+        """Random points."""
+        return Probe(self.system)
+
+    @cached_property
+    def controls(self) -> Controls:
+        """How each control enters H."""
+        return controls(self.system, self.probe)
+
+    def first_row_arc(self, direct: Solution) -> int:
+        """Return where the arcs of rows begin in an answer: they follow those of the controls."""
+        names = {label for v in self.system.model.controls for label in v.labels}
+        arcs = direct.arcs
+        count = 0
+        while count < len(arcs) and arcs[count].of in names:
+            count += 1
+        return count
+
+    @cached_property
+    def row_function(self) -> ca.Function:
+        """Arguments ↦ values of all rows."""
+        import casadi as ca
+
+        stacked = ca.vertcat(*(row.value for row in self.system.rows))
+        return self.system.function("rows", [ca.densify(stacked)])
+
+    def rows(self, t: Array, x: Array, u: Array, p: Array) -> Array:
+        """Return values of rows, (points, rows)."""
+        if not self.system.rows:
+            return np.zeros((len(t), 0))
+        return sampled(self.row_function, (t, x, np.zeros_like(x), u, p, None, None))[0]
+
+    @cache  # noqa: B019 - as long as the polish lasts
+    def active(self, held: Held) -> Active:
+        """Return what holds where a row is at a bound."""
+        return active(self.system, self.probe, held[0], upper=held[1])
+
+    @cache  # noqa: B019 - as long as the polish lasts
+    def singular(self, phase: Phase) -> Singular | None:
+        """Return the feedback of a phase's singular controls; None where there are none.
+
+        Raises:
+            UnsupportedError: there is no feedback.
+        """
+        which = tuple(i for i, kind in enumerate(phase.kinds) if kind == "singular")
+        if not which:
+            return None
+        interior = tuple(i for i, kind in enumerate(phase.kinds) if kind == "free")
+        held = tuple(self.active(h) for h in sorted(phase.held))
+        found = singular(self.system, self.probe, which, interior, held)
+        if found.coefficient is None:
+            names = ", ".join(self.name(i) for i in which)
+            raise UnsupportedError(
+                f"{names} has no singular feedback: {found.reason or 'none was found'}"
+            )
+        return found
+
+    def name(self, i: int) -> str:
+        """Return the label of a control."""
+        return [label for v in self.system.model.controls for label in v.labels][i]
+
+    def consistent(self, phase: Phase) -> Phase:
+        """Return a phase in which every free control has what determines it.
+
+        A row whose controls are all at bounds is not held by any of them, and says nothing. A
+        control that H is affine in is free only where a row takes it; else it is singular.
+
+        Raises:
+            UnsupportedError: a control is between its bounds and nothing determines it.
+        """
+        kinds, affine = list(phase.kinds), set(self.controls.of_kind("affine"))
+        for i in (*self.controls.of_kind("kinked"), *self.controls.of_kind("absent")):
+            if kinds[i] in ("free", "singular"):
+                why = "has a kink in it" if self.controls.kinds[i] == "kinked" else "is without it"
+                raise UnsupportedError(
+                    f"{self.name(i)} is between its bounds where the Hamiltonian {why}"
+                )
+        between = {i for i, kind in enumerate(kinds) if kind in ("free", "singular")}
+        taken: set[int] = set()
+        held: set[Held] = set()
+        # Those that speak of the fewest controls choose first.
+        for row in sorted(phase.held, key=lambda h: (len(self.active(h).controls), h)):
+            known = self.active(row)
+            if known.order is None:
+                continue
+            candidates = sorted(
+                (i for i in known.controls if i in between - taken),
+                key=lambda i: (i not in affine, i),
+            )
+            if candidates:
+                taken.add(candidates[0])
+                held.add(row)
+        for i in between & affine:
+            kinds[i] = "free" if i in taken else "singular"
+        for i in between - affine:
+            kinds[i] = "free"
+        return replace(phase, kinds=tuple(kinds), held=frozenset(held))
