@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import csv
 import re
 import socket
 import sys
@@ -22,6 +23,7 @@ nicegui = pytest.importorskip(
 
 from nicegui import Client, ui  # noqa: E402
 from nicegui.testing import User  # noqa: E402
+from nicegui.testing.user_download import UserDownload  # noqa: E402
 from nicegui.testing.user_simulation import user_simulation  # noqa: E402
 
 from quito_cli.errors import UsageError  # noqa: E402
@@ -72,6 +74,7 @@ class Person:
         rules[re.compile(r".*quito\.draft\(\).*")] = lambda _: known | {"draft": self.draft}
         await self.user.open("/")
         await self.until(lambda: self.label("count").text != "")
+        await self.until(lambda: self.one("run").enabled or self.one("cancel").enabled)
 
     async def until(self, holds: Callable[[], object]) -> None:
         for _ in range(PATIENCE):
@@ -222,7 +225,12 @@ def test_what_a_file_asks_for_is_the_default(services: Services) -> None:
     at_the_page(services, doing)
 
 
-def test_runs_are_seen_laid_over_and_removed(services: Services) -> None:
+def test_runs_are_seen_laid_over_and_removed(
+    services: Services, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken: list[Path] = []
+    monkeypatch.setattr(UserDownload, "file", lambda _, path, *named: taken.append(path))
+
     async def doing(person: Person) -> None:
         person.set("steps", 20)
         await person.solve()
@@ -243,8 +251,10 @@ def test_runs_are_seen_laid_over_and_removed(services: Services) -> None:
         person.user.find("Remove").click()
         await person.until(lambda: "1: alychan" not in person.html("legend"))
         person.user.find(marker="take-csv").click()
-        response = await person.user.download.next(timeout=20)
-        assert response.text.splitlines()[0].startswith("t,")
+        await person.until(lambda: taken)
+        heads, *rows = list(csv.reader(taken[0].read_text("utf-8").splitlines()))
+        assert {"t", "u", "x1", "x2", "x3"} <= set(heads)
+        assert len(rows) == 25  # the nodes of the second run
 
     at_the_page(services, doing)
 

@@ -128,7 +128,6 @@ class View:
             draft = Draft(FIRST, "library", text, {})
         await self._take_up(draft)
         self._client.run_javascript("quito.restored()")
-        self._form.know(await self._services.checker.solvers())
         self._bar.rest()
         self._runs.fill(tab)
         if tab.shown is not None:
@@ -137,6 +136,7 @@ class View:
             await self._show_comparison(tab.compared)
         if tab.asked is not None:
             self._follow()
+        self._form.know(await self._services.checker.solvers())
 
     def _draft(self) -> Draft:
         return self._tab.draft or _BLANK

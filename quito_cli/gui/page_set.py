@@ -55,8 +55,9 @@ class Form:
         return given(self._chosen, self._file)
 
     def know(self, solvers: Collection[str]) -> None:
-        """Take note of which solvers are here."""
+        """Take note of which solvers are here, and say so of the others."""
         self._solvers = solvers
+        self._make(self._file)
 
     def begin(self, name: str, chosen: Mapping[str, Any]) -> None:
         """Begin with another problem, or with settings that were kept."""

@@ -72,6 +72,8 @@ def _serve(
     import logging
 
     from nicegui import app, ui
+    from starlette.requests import Request
+    from starlette.responses import PlainTextResponse, Response
 
     from quito_cli.gui.checking import Checker
     from quito_cli.gui.desk import LIMITS, Desk
@@ -89,12 +91,16 @@ def _serve(
     allowed = doors(host, port)
     app.add_middleware(Guard, doors=allowed)
 
-    async def root() -> None:
+    async def root(request: Request) -> Response | None:
+        if request.url.path != "/":  # NiceGUI asks for the page wherever there is nothing
+            return PlainTextResponse("There is nothing here.\n", 404)
         await page(services)
+        return None
 
     app.on_exception(_tell)
     app.on_page_exception(_apologise)
     app.on_startup(lambda: say(address(allowed)))
+    app.on_startup(checker.solvers)  # it takes a second, and the first page wants to know
     app.timer(_SWEEP, services.tabs.sweep)
     if not os.environ.get("QUITO_DEBUG"):  # errors are told on the page, without tracebacks
         logging.getLogger("nicegui").setLevel(logging.CRITICAL)
