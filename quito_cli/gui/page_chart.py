@@ -31,6 +31,7 @@ _SHADES = {
 _WORDS = {"lower": "at a bound", "upper": "at a bound"}
 """What the legend says of stretches, where it is not what the answer says."""
 _BOUND_POINTS = 60
+Points = tuple[tuple[float | None, float | None], ...]
 
 
 @dataclass(frozen=True)
@@ -261,7 +262,7 @@ class _Panel:
         first, last = _span(value for line in self.chart.lines for value in line.x)
         places = [first + (last - first) * i / (_BOUND_POINTS - 1) for i in range(_BOUND_POINTS)]
         return [
-            self._series(f"~bound {bound:g}", [[t, bound] for t in places], BOUND, "dotted", 2)
+            self._series(f"~bound {bound:g}", tuple((t, bound) for t in places), BOUND, "dotted", 2)
             for bound in self.chart.bounds
         ]
 
@@ -292,7 +293,7 @@ class _Panel:
         return self._series(name, points, colour, style, height)
 
     def _series(
-        self, name: str, points: list[list[float | None]], colour: str, style: str, height: int
+        self, name: str, points: Points, colour: str, style: str, height: int
     ) -> dict[str, Any]:
         width = {"solid": 1.8, "dashed": 1.4, "dotted": 1.1}[style]
         return {
@@ -334,5 +335,6 @@ def _span(values: Iterable[float | None]) -> tuple[float, float]:
     return (min(known), max(known)) if known else (0.0, 1.0)
 
 
-def _points(x: Numbers, y: Numbers) -> list[list[float | None]]:
-    return [[a, b] for a, b in zip(x, y, strict=True)]
+def _points(x: Numbers, y: Numbers) -> Points:
+    """Return the points of a line; as tuples, for NiceGUI watches every list for changes."""
+    return tuple(zip(x, y, strict=True))

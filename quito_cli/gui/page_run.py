@@ -161,10 +161,10 @@ def _progress(history: Sequence[Iterated]) -> dict[str, Any]:
                 "symbol": "none",
                 "silent": True,
                 "lineStyle": {"width": 1.6, "color": _COLOURS[name]},
-                "data": [
-                    [p.count, value if math.isfinite(value) else None]
+                "data": tuple(
+                    (p.count, value if math.isfinite(value) else None)
                     for p, value in zip(history, values, strict=True)
-                ],
+                ),
             }
             for name, values, side in series
         ],

@@ -5,6 +5,7 @@ All that the page needs is in NiceGUI's package; nothing is fetched from elsewhe
 
 from __future__ import annotations
 
+import gc
 import os
 import socket
 import sys
@@ -30,6 +31,8 @@ _EXPORT_SECONDS = 60.0
 """What making a download may take."""
 _SWEEP = 60.0
 """Seconds between looks for tabs that are gone."""
+_HISTORY = 100
+"""Messages that a page without connection finds waiting; with more, it is made anew."""
 _RECONNECT = 20.0
 """Seconds that a page without connection is waited for before it is made anew."""
 
@@ -63,6 +66,7 @@ def serve(
             'the page needs NiceGUI, which is not installed: pip install "quito[gui]"'
         ) from None
     del latex2mathml, nicegui  # they are there
+    gc.enable()  # a command does without, but this one runs for days
     _serve(folder, host, free_port(host, port), browser, say)
 
 
@@ -121,6 +125,7 @@ def _serve(
                 show_welcome_message=False,
                 reconnect_timeout=_RECONNECT,
                 binding_refresh_interval=None,
+                message_history_length=_HISTORY,
                 uvicorn_logging_level="error",
                 server_header=False,
                 timeout_graceful_shutdown=2,
