@@ -281,7 +281,7 @@ def test_a_reload_finds_text_settings_and_results(services: Services) -> None:
         await person.open()  # the browser kept nothing: the server did
         assert person.text.startswith("# the last words")
         assert person.label("command").text == "quito solve alychan.yaml -N 20"
-        assert "Solved" in person.html("verdict")
+        await person.until(lambda: "Solved" in person.html("verdict"))
         person.draft = {"name": "a.yaml", "place": "own", "text": "title: t\n", "chosen": {"n": 1}}
         await person.open()  # what the browser kept is newer
         assert person.text == "title: t\n"

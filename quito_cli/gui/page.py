@@ -15,17 +15,14 @@ from typing import Any
 from nicegui import Client, background_tasks, ui
 
 from quito_cli.errors import QuitoError
-from quito_cli.gui.answer import RESULT, Answer
+from quito_cli.gui.answer import Answer
 from quito_cli.gui.job import Failed, Finished, Request, Running
 from quito_cli.gui.page_choose import Choose
-from quito_cli.gui.page_compare import Compare
 from quito_cli.gui.page_edit import Edit
+from quito_cli.gui.page_results import Results
 from quito_cli.gui.page_run import RunBar
-from quito_cli.gui.page_runs import RunsTable
-from quito_cli.gui.page_see import Plots, Verdict, certificate, summary
 from quito_cli.gui.page_set import Form
 from quito_cli.gui.page_state import Draft, Services, Tab, draft_of
-from quito_cli.gui.runs import MOST_RUNS, Run
 from quito_cli.gui.work import Iterated
 
 FIRST = "alychan"
@@ -71,9 +68,7 @@ class View:
                 self._form = Form(self._set)
             with ui.element("div").classes("right"):
                 self._bar = RunBar(self._solve, self._cancel)
-                with ui.element("section").classes("panel see").props('aria-label="Results"'):
-                    self._verdict = Verdict(services.exporter, self._say, self._taken)
-                    self._tabs()
+                self._results = Results(services, self._tab, self._compare, self._say)
 
     def _top(self) -> None:
         with ui.element("header").classes("top"):
@@ -89,26 +84,6 @@ class View:
     def _colour(self, word: str) -> None:
         self._mode.set_value(_COLOURS[word])
         self._client.run_javascript(f"quito.colour({json.dumps(word)})")
-
-    def _tabs(self) -> None:
-        names = ("Plots", "Summary", "Certificate", "Compare", "Runs")
-        with ui.tabs().props("dense no-caps align=left inline-label") as tabs:
-            for name in names:
-                ui.tab(name).mark(f"tab-{name.lower()}")
-        with (
-            ui.element("div").classes("scroll"),
-            ui.tab_panels(tabs, value=names[0], animated=False, keep_alive=True),
-        ):
-            with ui.tab_panel("Plots"):
-                self._plots = Plots()
-            with ui.tab_panel("Summary"):
-                self._summary = ui.html(summary(None)).mark("summary")
-            with ui.tab_panel("Certificate"):
-                self._certificate = ui.html(certificate(None)).mark("certificate")
-            with ui.tab_panel("Compare"):
-                self._compare = Compare(self._hold_against)
-            with ui.tab_panel("Runs"):
-                self._runs = RunsTable(self._show, self._lay, self._remove)
 
     # Coming back, and what is being worked on.
 
@@ -129,12 +104,9 @@ class View:
         await self._take_up(draft)
         self._client.run_javascript("quito.restored()")
         self._bar.rest()
-        self._runs.fill(tab)
-        if tab.shown is not None:
-            await self._show(tab.shown)
-        if tab.compared is not None:
-            await self._show_comparison(tab.compared)
+        await self._results.begin(tab)
         if tab.asked is not None:
+            self._bar.begin("Running")
             self._follow()
         self._form.know(await self._services.checker.solvers())
 
@@ -195,7 +167,7 @@ class View:
     async def _check(self, text: str) -> None:
         """Look at the text, and show what is found unless it is not the text any more."""
         checked = await self._services.checker.check(text, self._draft().stem)
-        if text != self._draft().text or self._client.is_deleted:
+        if text != self._draft().text or self._left:
             return
         self._edit.say(checked, text)
         if checked.ok:
@@ -217,16 +189,14 @@ class View:
             self._say(str(error), "bad")
             return
         draft = self._draft()
-        self._submit(Request(text=draft.text, name=draft.stem, options=given), "Running")
+        self._submit(Request(text=draft.text, name=draft.stem, options=given))
 
-    async def _hold_against(self, against: tuple[str, ...]) -> None:
-        seen = self._tab.run(self._tab.shown)
-        if seen is None:
-            return
-        solved, result = self._tab.requests[seen.job], seen.folder / RESULT
-        self._submit(replace(solved, against=against, result=result), "Comparing")
+    async def _compare(self, against: tuple[str, ...]) -> None:
+        request = self._results.comparison(against)
+        if request is not None:
+            self._submit(request)
 
-    def _submit(self, request: Request, said: str) -> None:
+    def _submit(self, request: Request) -> None:
         try:
             job = self._services.desk.submit(self._tab.session, request)
         except QuitoError as error:
@@ -234,7 +204,7 @@ class View:
             return
         self._tab.asked = job
         self._tab.requests[job] = request
-        self._bar.begin(said)
+        self._bar.begin("Running" if request.against is None else "Comparing")
         self._follow()
 
     def _follow(self) -> None:
@@ -246,11 +216,10 @@ class View:
         if job is None:
             return
         with self._client:
-            self._bar.begin("Running")
-            self._compare.allow(False)
+            self._results.busy(True)
             try:
                 async for state in self._services.desk.follow(job):
-                    if self._client.is_deleted:
+                    if self._left:
                         return
                     if isinstance(state, Running):
                         self._history = state.history
@@ -258,101 +227,32 @@ class View:
                     if isinstance(state, Finished):
                         await self._finished(job, state)
                     elif isinstance(state, Failed):
-                        self._failed(job, state)
+                        self._results.forget(job)
+                        self._say(state.message, "bad")
             except QuitoError as error:  # it was dropped
-                self._tab.asked = None
-                self._bar.rest()
                 self._say(str(error), "bad")
-            self._compare.allow(self._tab.shown is not None)
+            self._tab.asked = None
+            self._bar.rest()
+            self._results.busy(False)
 
-    def _failed(self, job: str, state: Failed) -> None:
-        self._tab.asked = None
-        self._forget(job)
-        self._say(state.message, "bad")
+    @property
+    def _left(self) -> bool:
+        """Whether this page is there no more, or another one has taken its place in the tab."""
+        return self._client.is_deleted or self._tab.client != self._client.id
 
     async def _finished(self, job: str, state: Finished) -> None:
-        """Show the answer; a run is kept, of comparisons the last."""
-        tab, request = self._tab, self._tab.requests[job]
-        tab.asked = None
-        answer = await asyncio.to_thread(Answer.load, state.folder)
+        answer = await self._results.add(job, state.folder)
+        kind = "good" if answer.success else "bad"
         if answer.kind == "compare":
-            before, tab.compared = tab.compared, job
-            if before is not None:
-                self._forget(before)
-            self._compare.show(answer)
-            self._say("Compared.", "good" if answer.success else "bad")
+            self._say("Compared.", kind)
             return
-        tab.count += 1
-        made = Run(job, tab.count, request.name, request.options, state.folder, answer.figures)
-        for old in tab.runs.add(made):
-            self._forget(old)
-        await self._show(job, answer)
         self._bar.end(_last(answer, state.seconds), self._history)
-        said = f"{answer.said} {state.note}".strip()
-        self._say(said, "good" if answer.success else "bad")
+        self._say(f"{answer.said} {state.note}".strip(), kind)
 
     def _cancel(self) -> None:
         if self._tab.asked is not None:
             self._services.desk.cancel(self._tab.asked)
             self._say("Stopping: the iterate so far is kept.", "")
-
-    # Seeing.
-
-    async def _show(self, job: str, answer: Answer | None = None) -> None:
-        """Show a run with those that are laid over it."""
-        tab = self._tab
-        chosen = tab.run(job)
-        if chosen is None:
-            return
-        tab.shown = job
-        tab.overlaid = [other for other in tab.overlaid if other != job and tab.run(other)]
-        seen = answer or await asyncio.to_thread(Answer.load, chosen.folder)
-        self._verdict.show(chosen, seen)
-        self._summary.set_content(summary(seen))
-        self._certificate.set_content(certificate(seen))
-        self._compare.allow(tab.asked is None)
-        self._runs.fill(tab)
-        self._plots.show(seen, await self._overlays())
-
-    async def _overlays(self) -> list[tuple[str, Answer]]:
-        runs = [one for job in self._tab.overlaid if (one := self._tab.run(job))]
-        return [(one.label, await asyncio.to_thread(Answer.load, one.folder)) for one in runs]
-
-    async def _lay(self, job: str, over: bool) -> None:
-        others = [other for other in self._tab.overlaid if other != job]
-        self._tab.overlaid = [*others, job][-MOST_RUNS:] if over else others
-        if self._tab.shown is not None:
-            await self._show(self._tab.shown)
-
-    async def _remove(self, job: str) -> None:
-        self._tab.runs.remove(job)
-        self._forget(job)
-        others = self._tab.runs.kept()
-        if others:
-            await self._show(self._tab.shown or others[-1].job)
-            return
-        self._verdict.show(None, None)
-        self._plots.show(None, ())
-        self._summary.set_content(summary(None))
-        self._certificate.set_content(certificate(None))
-        self._compare.allow(False)
-        self._runs.fill(self._tab)
-
-    def _forget(self, job: str) -> None:
-        """Drop a job with its files."""
-        self._tab.requests.pop(job, None)
-        self._tab.overlaid = [other for other in self._tab.overlaid if other != job]
-        if self._tab.shown == job:
-            self._tab.shown = None
-        self._services.desk.drop(job)
-
-    def _taken(self, job: str) -> None:
-        self._tab.runs.taken(job)
-
-    async def _show_comparison(self, job: str) -> None:
-        state = self._services.desk.state(job)
-        if isinstance(state, Finished):
-            self._compare.show(await asyncio.to_thread(Answer.load, state.folder))
 
 
 def _last(answer: Answer, seconds: float) -> dict[str, str]:

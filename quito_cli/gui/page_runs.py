@@ -7,7 +7,7 @@ from functools import partial
 
 from nicegui import ui
 
-from quito_cli.gui.page_chart import COLOURS
+from quito_cli.gui.page_panel import COLOURS
 from quito_cli.gui.page_state import Tab
 
 _HEADS = ("show", "overlay")

@@ -71,6 +71,8 @@ class Tab:
 
     session: str
     """Its name at the desk."""
+    client: str = ""
+    """The page that is shown in it now."""
     draft: Draft | None = None
     aside: dict[str, Draft] = field(default_factory=dict)
     """What was edited and not saved before another problem was opened, by name."""
@@ -114,7 +116,9 @@ class Tabs:
         self.sweep()
         self._left.pop(name, None)
         self._clients.setdefault(name, set()).add(client)
-        return self._tabs.setdefault(name, Tab(name))
+        tab = self._tabs.setdefault(name, Tab(name))
+        tab.client = client
+        return tab
 
     def go(self, name: str, client: str) -> None:
         """Note that a client is gone: the page was left, or is loaded anew."""
