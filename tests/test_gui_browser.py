@@ -10,14 +10,12 @@ from pathlib import Path
 
 import pytest
 from gui_browser import By, Keys, Page, Server, browsing, needs_browser, serving
+from long_solve import LONG
 
 import quito_cli as quito
 
 pytestmark = needs_browser
 ROOT = Path(__file__).parent.parent
-LONG = (ROOT / "problems" / "auv_fleet.yaml").read_text("utf-8")
-"""Half a minute of iterations with 60 cells, each of them quick."""
-LONG = re.sub(r"^options:.*\n", "", LONG, flags=re.MULTILINE) + "\noptions: {steps: 60}\n"
 CART = re.search(
     r"```yaml\n(title: Move a cart.*?)```", (ROOT / "README.md").read_text(), re.DOTALL
 )
@@ -104,7 +102,7 @@ def test_typing_is_looked_at_and_kept_by_a_reload(page: Page) -> None:
 
 def test_cancel_within_a_second_keeps_the_iterate(page: Page) -> None:
     page.type(LONG)
-    page.until(lambda: "60" in page.by(".command code").text or page.field("steps") == "60")
+    page.until(lambda: page.field("steps") == "101")
     page.run_keys()
     page.until(lambda: page.figure("iteration").isdigit() and int(page.figure("iteration")) > 2)
     assert not page.by("#run").is_enabled()
@@ -146,7 +144,7 @@ def test_the_result_is_downloaded_and_loaded(page: Page) -> None:
 def test_two_tabs_do_not_disturb_each_other(page: Page, server: Server) -> None:
     one = page.driver.current_window_handle
     page.type(LONG)
-    page.until(lambda: page.field("steps") == "60")
+    page.until(lambda: page.field("steps") == "101")
     page.click("#run")
     page.until(lambda: "unning" in page.status())
     two = page.open(server.address)
@@ -167,7 +165,7 @@ def test_two_tabs_do_not_disturb_each_other(page: Page, server: Server) -> None:
 
 def test_a_reload_in_the_middle_of_a_solve(page: Page) -> None:
     page.type(LONG)
-    page.until(lambda: page.field("steps") == "60")
+    page.until(lambda: page.field("steps") == "101")
     page.click("#run")
     page.until(lambda: page.figure("iteration").isdigit())
     page.driver.refresh()

@@ -16,6 +16,7 @@ from xml.etree import ElementTree
 
 import pytest
 from documents import run as run_command
+from long_solve import LONG
 
 nicegui = pytest.importorskip(
     "nicegui", reason='the page needs its extra: pip install "quito[gui]"'
@@ -291,9 +292,8 @@ def test_a_reload_finds_text_settings_and_results(services: Services) -> None:
 
 def test_a_reload_in_the_middle_follows_the_solve(services: Services) -> None:
     async def doing(person: Person) -> None:
-        person.choose("library/robot_arm")
-        await person.until(lambda: "robot" in person.text.lower())
-        person.set("steps", 400)
+        person.type(LONG)
+        await person.until(lambda: person.one("set-steps").value == 101)
         person.user.find(marker="run").click()
         await person.until(lambda: person.label("iteration").text != "–")
         await person.open()

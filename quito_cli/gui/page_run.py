@@ -17,8 +17,10 @@ from quito_cli.gui.work import Iterated
 
 _LEAST = 1e-16
 """What an infeasibility of zero is drawn at."""
-_EVERY = 0.25
-"""Seconds between two pictures of the progress."""
+_EVERY, _DRAWN_EVERY = 0.2, 0.8
+"""Seconds between two writings of the figures, and two pictures of them."""
+_MOST_POINTS = 160
+"""Of a line of the small plot: about its pixels."""
 _COLOURS = {"infeasibility": "var(--run1)", "objective": "var(--run0)"}
 """Of the lines, which are named by the figures beside them."""
 _FIGURES = ("iteration", "objective", "infeasibility", "time")
@@ -28,7 +30,8 @@ class RunBar:
     """Run, Cancel, what is going on."""
 
     def __init__(self, run: Callable[[], Awaitable[None]], cancel: Callable[[], None]) -> None:
-        self._drawn = 0.0
+        self._told = self._drawn = -math.inf
+        self._said = ("", "")
         with ui.element("section").classes("panel run").props('aria-label="Run"'):
             with ui.element("div").classes("bar"):
                 self._run = ui.button("Run", on_click=run).classes("main").mark("run")
@@ -51,6 +54,9 @@ class RunBar:
             text: of one line or several.
             kind: good, bad or nothing.
         """
+        if (text, kind) == self._said:
+            return
+        self._said = text, kind
         self._status.set_text(text.partition("\n")[0])
         self._status.classes(replace=f"status {kind}")
         self._status.props(f'title="{_attribute(text)}"')
@@ -66,7 +72,7 @@ class RunBar:
         self._cancel.enable()
         self.say(said)
         self._figure({})
-        self._drawn = -math.inf
+        self._told = self._drawn = -math.inf
         self._plot.options.update(_progress(()))
 
     def show(self, state: State) -> None:
@@ -82,6 +88,10 @@ class RunBar:
             self.rest()
 
     def _follow(self, history: Sequence[Iterated], seconds: float) -> None:
+        """Write the figures, and draw them, but not so often that a browser has no time left."""
+        if seconds - self._told < _EVERY:
+            return
+        self._told = seconds
         figures = {"time": f"{seconds:.1f} s"}
         if history:
             last = history[-1]
@@ -91,7 +101,7 @@ class RunBar:
                 "infeasibility": f"{last.violation:.1e}",
             }
         self._figure(figures)
-        if seconds - self._drawn >= _EVERY:
+        if seconds - self._drawn >= _DRAWN_EVERY:
             self.draw(history)
             self._drawn = seconds
 
@@ -125,6 +135,7 @@ def _attribute(text: str) -> str:
 
 def _progress(history: Sequence[Iterated]) -> dict[str, Any]:
     """Return the small plot: infeasibility on a scale of tens, objective on its own."""
+    history = history[:: -max(-(-len(history) // _MOST_POINTS), 1)][::-1]  # the last one is in it
     series = (
         ("infeasibility", [max(p.violation, _LEAST) for p in history], 0),
         ("objective", [p.cost for p in history], 1),
