@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from quito_cli.solve import Options, solve
 
 if TYPE_CHECKING:
+    from quito_cli.batch.recorded import run_suite
     from quito_cli.comparison.compare import compare
     from quito_cli.comparison.comparison import Comparison
     from quito_cli.comparison.results import compare_results
@@ -37,6 +38,7 @@ _HOMES = {
     "UnavailableError": "quito_cli.errors",
     "UsageError": "quito_cli.errors",
     "load": "quito_cli.problem.load",
+    "run_suite": "quito_cli.batch.recorded",
 }
 
 __all__ = [
@@ -52,6 +54,7 @@ __all__ = [
     "compare",
     "compare_results",
     "load",
+    "run_suite",
     "solve",
 ]
 

@@ -181,8 +181,7 @@ controls: {{u: {{}}}}
 {more}
 dynamics: {{x: {rate}}}
 cost: {{{cost}}}
-constraints:
-  {constraint}
+constraints: {{{constraint}}}
 """
 
 
@@ -240,6 +239,17 @@ def point() -> Extremal:
     return replace(found, points=((-4.0,),))
 
 
+def point_at_an_end(at: int) -> Extremal:
+    """At least 1 away from where the other end is held: |u| = 1, λ = −u, and ρ makes up for it."""
+    problem = scalar(
+        ends="final: 0" if at == 0 else "initial: 0",
+        constraint=f'point: {{there: {{at: {at}, holds: "x >= 1"}}}}',
+    )
+    u = 2 * at - 1.0
+    found = made(problem, (Phase(1.0, constant(u)),), {"u": "interior"}, [1 - at], [-u], 0.5)
+    return replace(found, points=((-1.0,),))
+
+
 def boundary() -> Extremal:
     """x(1) − x(0) = 1 with a price on x(0): u = 1, λ = ω = −1, x(0) = 0."""
     problem = scalar(
@@ -249,6 +259,83 @@ def boundary() -> Extremal:
     )
     found = made(problem, (Phase(1.0, constant(1.0)),), {"u": "interior"}, [0], [-1], 0.5)
     return replace(found, boundary=(-1.0,))
+
+
+def moving_ceiling() -> Extremal:
+    """Bryson and Denham's problem as one sees it who is carried past: x₁ − t/2 stays under 1/9.
+
+    Costates are the same; the Hamiltonian jumps with them, by the impulse times ∂c/∂t = −1/2.
+    """
+    still = bryson_denham()
+    problem = load_text(
+        """
+time: {initial: 0, final: 1}
+states: {x1: {initial: 0, final: 0.5}, x2: {initial: 1.5, final: -0.5}}
+controls: {u: {}}
+dynamics: {x1: x2, x2: u}
+cost: {lagrange: 0.5*u^2}
+constraints:
+  path: {ceiling: "x1 - t/2 <= 1/9"}
+""",
+        "test.yaml",
+    )
+    arcs = {"u": "interior active interior", "ceiling": "inactive active inactive"}
+    start = list(still.start[1])
+    return replace(made(problem, still.phases, arcs, [0, 1.5], start, 4.0), atoms=still.atoms)
+
+
+def floor(bound: bool = False) -> Extremal:
+    """Down to x = 0 and along it to the end: λ = t₁ − t = −u, then 0, with μ = −1."""
+    inner = column(lambda t, x, costate: -costate)
+    phases = (Phase(0.5, inner), Phase(1.0, constant(0.0), mu=constant(-1.0)))
+    problem = scalar(
+        ends="initial: 0.125, lower: 0" if bound else "initial: 0.125",
+        cost="lagrange: x + 0.5*u^2",
+        constraint="" if bound else "path: {floor: x >= 0}",
+    )
+    arcs = {"u": "interior active", "x" if bound else "floor": "inactive active"}
+    return made(problem, phases, arcs, [0.125], [0.5], 0.5**3 / 3)
+
+
+def end(bound: bool = False) -> Extremal:
+    """At x(1) there is a floor, and a prize for being lower: u = −1, λ = 1 = 2 − 1."""
+    problem = scalar(
+        ends="initial: 1, lower: 0" if bound else "initial: 1",
+        cost="lagrange: 0.5*u^2, mayer: 2*x",
+        constraint="" if bound else "path: {floor: x >= 0}",
+    )
+    arcs = {"u": "interior", "x" if bound else "floor": "inactive"}
+    found = made(problem, (Phase(1.0, constant(-1.0)),), arcs, [1], [1], 0.5)
+    return replace(found, atoms=(Atom(1, 0, -1.0),))
+
+
+def start(bound: bool = False) -> Extremal:
+    """At x(0) there is a ceiling, and a prize for being higher: u = −1, λ = 2 − 1."""
+    problem = scalar(
+        ends="final: 0, upper: 1" if bound else "final: 0",
+        cost="lagrange: 0.5*u^2, mayer: -2*initial(x)",
+        constraint="" if bound else "path: {ceiling: x <= 1}",
+    )
+    arcs = {"u": "interior", "x" if bound else "ceiling": "inactive"}
+    found = made(problem, (Phase(1.0, constant(-1.0)),), arcs, [1], [1], -1.5)
+    return replace(found, atoms=(Atom(0, 0, 1.0),))
+
+
+def maximised() -> Extremal:
+    """The most of x(1) by ∫u²/2, told as it is earned; the initial time is free, from −1 on."""
+    problem = load_text(
+        """
+time: {initial: {lower: -1, upper: 0.5, guess: 0}, final: 1}
+states: {x: {initial: 3}}
+controls: {u: {}}
+dynamics: {x: u}
+cost: {lagrange: -0.5*u^2, mayer: x}
+sense: maximize
+""",
+        "test.yaml",
+    )
+    found = made(problem, (Phase(1.0, constant(1.0)),), {"u": "interior"}, [3], [-1], -4.0)
+    return replace(found, first=-1.0)
 
 
 KNOWN: dict[str, Callable[[], Extremal]] = {
@@ -262,7 +349,17 @@ KNOWN: dict[str, Callable[[], Extremal]] = {
     "free horizon": minimum_time,
     "integral constraint": integral,
     "point constraint": point,
+    "point constraint at the start": lambda: point_at_an_end(0),
+    "point constraint at the end": lambda: point_at_an_end(1),
     "boundary constraint": boundary,
     "parameter": parameter,
+    "constraint that moves": moving_ceiling,
+    "arc to the end": floor,
+    "arc of a bound to the end": lambda: floor(bound=True),
+    "impulse at the end": end,
+    "impulse of a bound at the end": lambda: end(bound=True),
+    "impulse at the start": start,
+    "impulse of a bound at the start": lambda: start(bound=True),
+    "maximised": maximised,
 }
 """By what they have."""

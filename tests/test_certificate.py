@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -482,3 +483,26 @@ def test_a_hamiltonian_too_long_says_so(
     found: Extremal = certify(model(lq), solve(lq, steps=40))
     assert [r.verdict for r in found.certificate] == ["not applicable"]
     assert "too long" in found.certificate[0].reason
+
+
+@pytest.mark.parametrize("options", [{"steps": 20}, {"discretization": "lgr", "steps": 10}])
+@pytest.mark.parametrize(("at", "held", "end"), [(0, "final", "initial"), (1, "initial", "final")])
+def test_a_point_constraint_at_an_end_of_the_horizon(
+    at: int, held: str, end: str, options: dict[str, Any], model: Build, solve: Solve
+) -> None:
+    """At least 1 away from where x is held: |u| = 1, λ = −u, and ρ = −1 makes up for it."""
+    text = f"""
+time: {{initial: 0, final: 1}}
+states: {{x: {{{held}: 0}}}}
+controls: {{u: {{}}}}
+dynamics: {{x: u}}
+cost: {{lagrange: 0.5*u^2}}
+constraints:
+  point: {{there: {{at: {at}, holds: "x >= 1"}}}}
+"""
+    solution = solve(text, **options)
+    assert solution.multipliers["point constraint there"] == pytest.approx(-1, abs=1e-8)
+    assert failing(solution.certificate) == {}
+    wrong = {**solution.multipliers, "point constraint there": np.array([[-1.1]])}
+    found = certify(model(text), replace(solution, multipliers=wrong))
+    assert set(failing(found.certificate)) == {f"transversality: {end}"}

@@ -9,8 +9,10 @@ from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
+import xarray
 from documents import run
 from extremals import POLISHED, Extremal, polished
 from extremals_known import KNOWN, bang_bang, bressan
@@ -21,7 +23,7 @@ import quito_cli as quito
 from quito_cli.optimality.certificate import certify
 from quito_cli.optimality.polish.exact import Atom, Exact
 from quito_cli.plots.figure import figure
-from quito_cli.solution.optimal import Condition
+from quito_cli.solution.optimal import Condition, Kind
 from quito_cli.solution.optimal import Extremal as Extremality
 from quito_cli.solvers import Status
 
@@ -72,10 +74,11 @@ def last(time: float) -> float:
 def test_the_evidence_is_that_of_an_exact_answer(name: str) -> None:
     made, exact, solution = extremal(name)
     assert solution.success
-    assert solution.cost == pytest.approx(made.cost, rel=1e-12)
+    cost = made.model.sense * made.cost
+    assert solution.cost == pytest.approx(cost, rel=1e-12)
     found = solution.evidence
     assert max(found.stationarity, found.feasibility, found.complementarity) < 5e-9
-    assert found.resimulated_cost == pytest.approx(made.cost, rel=1e-10)
+    assert found.resimulated_cost == pytest.approx(cost, rel=1e-10)
     assert max(found.resimulation_gap, found.terminal_gap) < 1e-10
     assert found.maximum_violation < 1e-11
     assert found.warnings == ()
@@ -187,6 +190,29 @@ def test_a_file_gives_back_all_of_it(name: str, tmp_path: Path) -> None:
     assert equal(certify(made.model, loaded), solution.extremal)
 
 
+@pytest.mark.parametrize("name", ["touch", "bang-bang"])
+def test_multipliers_by_time_are_labelled(name: str, tmp_path: Path) -> None:
+    solution = extremal(name)[2]
+    solution.save(tmp_path / "a.h5")
+    with xarray.open_dataset(tmp_path / "a.h5", group="densities", engine="h5netcdf") as data:
+        assert data["density"].dims == ("time", "row")
+        assert data["density_before"].dims == ("cell", "row")
+        assert data["row"].values.tolist() == (["x1"] if name == "touch" else [])
+        assert data["size"].dims == ("impulse",)
+        assert len(data["size"]) == (name == "touch")
+    with xarray.open_dataset(tmp_path / "a.h5", group="interpolation", engine="h5netcdf") as data:
+        assert data["costate_before"].dims == ("cell", "state_name")
+
+
+@pytest.mark.parametrize(("what", "value"), [("node", 99), ("of_row", 1), ("node", -1)])
+def test_an_impulse_where_nothing_is_is_refused(what: str, value: int, tmp_path: Path) -> None:
+    extremal("touch")[2].save(tmp_path / "a.h5")
+    with h5py.File(tmp_path / "a.h5", "r+") as file:
+        file["densities"][what][0] = value
+    with pytest.raises(quito.ResultFileError, match="impulse"):
+        quito.Solution.load(tmp_path / "a.h5")
+
+
 @pytest.mark.parametrize("options", [[], ["--certificate"], ["--json"]])
 def test_it_is_shown(
     options: list[str],
@@ -221,7 +247,7 @@ def found_out(made: Extremal, exact: Exact) -> set[str]:
 
 
 SIGN = "sign of dH/du on arcs of u at its bounds"
-KEPT = "controls and constraints are at the bounds of their arcs"
+KEPT = "controls and constraints are what their arcs say"
 
 
 @pytest.mark.parametrize("late", [1e-4, -1e-4, 3e-6])
@@ -265,6 +291,30 @@ def test_arcs_that_are_not_those_of_the_control() -> None:
     assert found_out(made, claimed.exact()) == {KEPT}
 
 
+def test_arcs_that_leave_something_out() -> None:
+    """A constraint that presses is not inactive, nor a control at its bound between them."""
+    claims: dict[str, Kind] = {
+        "state constraint of order one": "inactive",
+        "bang-bang": "interior",
+    }
+    for name, kind in claims.items():
+        made, exact, _ = extremal(name)
+        arcs = tuple(
+            replace(arc, kind=kind) if arc.kind in ("active", "upper") else arc
+            for arc in exact.arcs
+        )
+        assert found_out(made, replace(exact, arcs=arcs)) == {KEPT}
+
+
+def test_arcs_that_end_between_nodes() -> None:
+    """By so little that no control that is looked at is elsewhere than its arc says."""
+    made, exact, _ = extremal("bang-bang and singular")
+    first, second, third = exact.arcs
+    off = first.end + 1e-5
+    moved = (replace(first, end=off), replace(second, start=off), third)
+    assert found_out(made, replace(exact, arcs=moved)) == {KEPT}
+
+
 def test_an_arc_that_is_missing() -> None:
     made = bang_bang()
     first, second, _ = made.phases
@@ -290,6 +340,14 @@ def test_impulses_of_the_wrong_sign() -> None:
     made, exact, _ = extremal("touch")
     failed = found_out(made, replace(exact, atoms=(Atom(2, 0, -exact.atoms[0].size),)))
     assert {"costate equation", "multipliers of bounds on states: sign"} <= failed
+
+
+@pytest.mark.parametrize("which", ["end", "start"])
+def test_impulses_of_the_wrong_size_at_the_ends(which: str) -> None:
+    made, exact, _ = extremal(f"impulse at the {which}")
+    (one,) = exact.atoms
+    failed = found_out(made, replace(exact, atoms=(replace(one, size=1.0001 * one.size),)))
+    assert failed == {f"transversality: {'final' if which == 'end' else 'initial'}"}
 
 
 def test_densities_of_the_wrong_sign_or_size() -> None:

@@ -12,6 +12,7 @@ import xarray
 from documents import COMMANDS, code_spans, run
 
 import quito_cli as quito
+from quito_cli.batch.schema_expect import Expect
 from quito_cli.cli.solve import INTERRUPTED
 from quito_cli.comparison.table import COLUMNS
 from quito_cli.errors import GateError, QuitoError
@@ -243,6 +244,29 @@ def test_the_polish_runs(
     assert known is not None
     assert solution.switching_times == pytest.approx(known.switching_times, abs=1e-8)
     assert solution.cost == pytest.approx(known.cost, rel=1e-8)
+
+
+def test_the_suite_passes(
+    helps: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("cart.yaml", "nightly.yaml"):
+        (tmp_path / name).write_text(marked(f"file: {name}"), encoding="utf-8")
+    _, *arguments = marked("command: batch").split()
+    assert run([*arguments, "-q"], monkeypatch) == 0
+    assert len(list((tmp_path / "results").glob("*.h5"))) == 4
+    text = section("Many at once")
+    for flag in {span.split()[0] for span in re.findall(r"`(--[^`]+)`", text)}:
+        assert re.search(rf"(?<![\w-]){re.escape(flag)}(?![\w-])", helps["batch"]), flag
+    named = re.findall(r"`(\w+)`", text.split("Figures are")[1].split("the\nschema")[0])
+    assert len(named) > 8
+    assert set(named) <= set(Expect.model_fields)
+
+
+@pytest.mark.parametrize("form", ["0.75 ± 1e-6", "0.75 ± 0.1 %", "<= 0.01", "'>= 2'"])
+def test_the_forms_of_an_expectation(form: str) -> None:
+    assert f"`{form}`" in section("Many at once")
+    Expect.model_validate({"cost": form.strip("'")})
 
 
 def test_the_columns_of_a_comparison() -> None:

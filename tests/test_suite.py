@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from pathlib import Path
 from typing import Any
 
@@ -138,6 +139,7 @@ def test_includes_are_problems_and_suites(folder: Path) -> None:
     (folder / "more" / "b.yaml").write_text(CART, encoding="utf-8")
     (folder / "more" / "a.yml").write_text(CART, encoding="utf-8")
     (folder / "more" / "c.txt").write_text("neither", encoding="utf-8")
+    (folder / ".hidden.yaml").write_text("half a file", encoding="utf-8")
     inner = "defaults: {options: {steps: 5}}\ncases: [b.yaml, {problem: b.yaml, name: again}]\n"
     (folder / "more" / "inner.yaml").write_text(inner, encoding="utf-8")
     made = suite(
@@ -304,7 +306,7 @@ def test_what_makes_no_sense_is_told_as_well(folder: Path) -> None:
         "14:14: cart.txt is no problem file: those end in .yaml or .yml",
         f"15:5: {both}",
         f"16:5: {both}",
-        "17:24: what is included has its own names: leave `name` out",
+        "17:26: what is included has its own names: leave `name` out",
         "18:15: inner.yaml is a suite, whose cases are taken as they stand there: leave `expect` "
         "and `options` out",
     ]
@@ -325,6 +327,19 @@ def test_suites_that_include_one_another_come_to_an_end(folder: Path) -> None:
         (folder / f"s{i}.yaml").write_text(text, encoding="utf-8")
     (said,) = complaints(folder, "cases: [{include: s0.yaml}]")
     assert said.endswith("that is too deep")
+
+
+def test_includes_may_not_explode(folder: Path) -> None:
+    """Each file is read once, however often it is included: here 20^6 times."""
+    for i in range(6):
+        again = f"{{include: s{i + 1}.yaml}}"
+        text = f"cases: [cart.yaml, {', '.join([again] * 20)}]"
+        (folder / f"s{i}.yaml").write_text(text, encoding="utf-8")
+    (folder / "s6.yaml").write_text("cases: [cart.yaml]", encoding="utf-8")
+    began = time.perf_counter()
+    said = complaints(folder, "cases: [{include: s0.yaml}]")
+    assert time.perf_counter() - began < 2
+    assert said[0].endswith("another case is called s6/cart: give this one a `name`")
 
 
 def test_a_matrix_may_not_explode(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -352,6 +367,7 @@ def test_a_matrix_may_not_explode(folder: Path, monkeypatch: pytest.MonkeyPatch)
         "cases: [{problem: cart.yaml, set: {options.steps: 10000000}}]",
         "cases: [{problem: cart.yaml, name: ../../x}]",
         "cases: [{problem: cart.yaml, matrix: {guess: [x.h5]}}]",
+        f"cases: [{{problem: cart.yaml, matrix: {{k: [{'1+' * 200}1]}}}}]",
         "cases: []",
         "cases: {}",
         "cases:",
@@ -397,6 +413,13 @@ def test_problems_and_suites_of_a_command_line(folder: Path) -> None:
     assert made.name == "batch"
     assert gather(["cart.yaml"], {}, {}).name == "cart"
     assert gather(["nightly.yaml"], {}, {}) == load_suite("nightly.yaml")
+    (folder / "more").mkdir()
+    (folder / "more" / "cart.yaml").write_text(CART, encoding="utf-8")
+    assert names(gather(["cart.yaml", "more/cart.yaml", "bang_bang"], {}, {})) == [
+        f"{folder.name}/cart",
+        "more/cart",
+        "bang_bang",
+    ]
     mixed = gather(["nightly.yaml", "bang_bang"], {}, {})
     assert names(mixed) == ["nightly/cart", "bang_bang"]
     assert set(mixed.limits) == {"nightly/cart"}

@@ -110,6 +110,13 @@ def hoard_in_child(size: int, tell: Tell) -> None:
     subprocess.run([sys.executable, "-c", hold], check=True)
 
 
+def hoard_in_silence(size: int, tell: Tell) -> None:
+    """With nowhere to print."""
+    os.close(1)
+    os.close(2)
+    hoard(size, tell)
+
+
 def no_memory(tell: Tell) -> None:
     raise MemoryError
 
@@ -250,11 +257,11 @@ def test_children_end_with_the_worker(worker: Worker, end: str) -> None:
     assert gone(answer.message)
 
 
-@pytest.mark.parametrize("hoarding", [hoard, hoard_in_child])
+@pytest.mark.parametrize("hoarding", [hoard, hoard_in_silence, hoard_in_child])
 def test_a_limit_of_memory_is_named(hoarding: Callable[..., None]) -> None:
     worker = Worker(memory=200_000_000)
     try:
-        (died,) = told(worker, hoarding, 20_000_000 if hoarding is hoard else 400_000_000)
+        (died,) = told(worker, hoarding, 400_000_000 if hoarding is hoard_in_child else 20_000_000)
         assert isinstance(died, Died)
         assert died.out_of_memory
         assert died.sentence.startswith("it held ")

@@ -117,10 +117,12 @@ def _expectations(defaults: Expect, own: Expect) -> Iterator[Expectation]:
 def _wrong_axes(entry: Entry, place: Path) -> Iterator[Complaint]:
     """Yield what is wrong with the values of axes that are options."""
     for axis, values in entry.matrix.items():
+        seen = set()
         for i, value in enumerate(values):
             at = (*place, "matrix", axis, i)
-            if value in values[:i]:
+            if value in seen:
                 yield Complaint(at, f"{axis} takes this value already")
+            seen.add(value)
             if axis in OPTIONS:
                 try:
                     FileOptions.model_validate({axis: value})

@@ -131,6 +131,7 @@ _ROWS: Final = (
     Known("status", "word", lambda a: a.solution.status.name.lower()),
     Known("success", "flag", lambda a: a.solution.success),
     Known("certificate", "word", _certificate),
+    Known("polished", "flag", lambda a: a.solution.polished),
     Known("iterations", "count", lambda a: a.solution.statistics.iterations),
     Known("cells", "count", lambda a: len(a.solution.times) - 1),
     Known("warnings", "count", lambda a: len(a.solution.warnings)),

@@ -81,7 +81,7 @@ def matched(pattern: str, folder: Path, chain: tuple[Path, ...], place: Place) -
             raise Wrong(Complaint(place, f"{pattern} includes itself", length=len(pattern)))
         return [path]
     named = sorted(within.glob(last)) if within.is_dir() else []
-    found = [p for p in named if p.suffix in ENDINGS and p.is_file() and p.resolve() not in chain]
+    found = [p for p in named if _is_meant(p) and p.resolve() not in chain]
     if not found:
         message = f"no problem or suite is called {pattern}"
         raise Wrong(Complaint(place, message, length=len(pattern)))
@@ -89,6 +89,11 @@ def matched(pattern: str, folder: Path, chain: tuple[Path, ...], place: Place) -
         message = f"{pattern} stands for {len(found)} files, and {WIDEST} are the most"
         raise Wrong(Complaint(place, message, length=len(pattern)))
     return found
+
+
+def _is_meant(path: Path) -> bool:
+    """Whether a pattern means a file: one that a suite may name, and that is not hidden."""
+    return path.suffix in ENDINGS and not path.name.startswith(".") and path.is_file()
 
 
 def _refuse_other_files(path: Path, place: Place) -> None:

@@ -65,7 +65,11 @@ class Journal:
             self._file = path.open("r+b")
         except OSError as error:
             raise ResultFileError(f"{path} cannot be written: {error.strerror}") from None
-        _lock(self._file.fileno(), path)
+        try:
+            _lock(self._file.fileno(), path)
+        except UsageError:
+            self._file.close()
+            raise
         self._file.truncate(end)
         self._file.seek(end)
 

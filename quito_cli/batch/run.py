@@ -26,10 +26,10 @@ from quito_cli.errors import UsageError
 
 _LOOK: Final = 0.1
 """Seconds between two looks at the clock and at whether to stop."""
-_LOADING: Final = 60.0
+_LOADING: Final = 120.0
 """Seconds that a worker may take to load its modules before its case begins."""
-_GRACE: Final = 5.0
-"""Seconds that a case has to stop with what it has."""
+_GRACE: Final = 20.0
+"""Seconds that a case has to stop, and to look at what it has reached."""
 _LAST_WORDS: Final = 300
 """Characters of what a dead worker printed that are told."""
 NO_LIMITS: Final = Limits(None, None)
@@ -44,7 +44,7 @@ class Setting:
     folder: Path
     """Where results go; made where it is missing."""
     keep: Keep
-    """Whose results stay."""
+    """Whose results stay; those that other cases start from do in any case."""
     limits: Mapping[str, Limits] = field(default_factory=dict)
     """By name of the case; none where it is not named."""
     record: Collection[str] = ()
@@ -113,13 +113,12 @@ class _Place:
         ended, self.case = Finished(self.case, ending, message, {}, (), seconds, None), None
         return ended
 
-    def take(self, case: Case, guess: Path | None, setting: Setting) -> None:
+    def take(self, case: Case, guess: Path | None, keep: Keep, setting: Setting) -> None:
         """Begin with a case."""
         self.case, self.limits = case, setting.limits.get(case.name, NO_LIMITS)
         self.started = time.perf_counter()
         self.deadline = None if self.limits.seconds is None else self.started + _LOADING
         self.worker.memory = self.limits.memory
-        keep: Keep = setting.keep
         watched = setting.watch is not None
         self.worker.start(setting.job, case, guess, setting.folder, keep, setting.record, watched)
         if setting.watch is not None:
@@ -164,7 +163,9 @@ def _assign(
         if case is None:
             return
         del pending[case.name]
-        place.take(case, _guess(case, finished, everything), setting)
+        followed = any(other.follows == case.name for other in pending.values())
+        keep: Keep = "all" if followed else setting.keep
+        place.take(case, _guess(case, finished, everything), keep, setting)
 
 
 def _guess(

@@ -168,6 +168,8 @@ class Expect(Strict):
     """Whether it is to converge; without it, an answer that did not fails its case."""
     certificate: Literal["passed"] | None = None
     """`passed`: conditions of Pontryagin's principle are judged, and none fails."""
+    polished: bool | None = None
+    """Whether the answer is a polished one, of which every condition holds."""
     iterations: CountExpected = None
     """Iterations of the solver."""
     cells: CountExpected = None

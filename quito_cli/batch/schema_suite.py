@@ -22,6 +22,8 @@ MAX_AXES = 8
 """Axes a matrix may have."""
 MAX_NAMES = 500
 """Values that may be set at once."""
+_LONGEST = 200
+"""Characters of a value that stands in the name of a case."""
 _NAME = "^[A-Za-z0-9][A-Za-z0-9_.+-]{0,79}$"
 
 
@@ -43,6 +45,12 @@ def _size(text: str) -> str:
     return text
 
 
+def _no_novel(text: str) -> str:
+    if len(text) > _LONGEST:
+        raise ValueError(f"expected at most {_LONGEST} characters, got {len(text)}")
+    return text
+
+
 CaseName = Annotated[
     str, AfterValidator(_named), WithJsonSchema({"type": "string", "pattern": _NAME})
 ]
@@ -53,7 +61,7 @@ SetValue = Annotated[
 """A number or an expression."""
 AxisValue = Annotated[
     Annotated[int | float, Tag("=number")]
-    | Annotated[str, Tag("=expression")]
+    | Annotated[str, AfterValidator(_no_novel), Tag("=expression")]
     | Annotated[bool, Tag("=switch")],
     Discriminator(lambda value: "=switch" if isinstance(value, bool) else kind(value)),
 ]

@@ -104,9 +104,7 @@ def _solved(
 
 def _ending(case: Case, solution: Solution, passed: bool) -> Ending:
     """Return how it ended; one that is expected not to converge is not to be blamed for that."""
-    from quito_cli.solvers.outcome import Status
-
-    if solution.status is Status.INTERRUPTED:
+    if solution.interrupted:
         return Ending.INTERRUPTED
     foreseen = {one.figure for one in case.expectations} & {"status", "success"}
     if not solution.success and not (foreseen and passed):

@@ -7,6 +7,7 @@ problem, and all that is wrong in it is told at once.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -90,15 +91,18 @@ def gather(
         )
     if len(targets) == 1 and suites:
         return load_suite(targets[0])
+    paths = {target: find(target) for target in targets if target not in suites}
+    stems = Counter(path.stem for path in paths.values())
     for target in targets:
         if target in suites:
             suite = load_suite(target)
             cases += [_within(suite.name, case) for case in suite.cases]
             limits |= {f"{suite.name}/{name}": kept for name, kept in suite.limits.items()}
         else:
-            path = find(target)
+            path = paths[target]
             problem = target if path != Path(target) else str(path.resolve())
-            cases.append(Case(path.stem, problem, dict(options), dict(constants)))
+            above = f"{path.resolve().parent.name}/" if stems[path.stem] > 1 else ""
+            cases.append(Case(above + path.stem, problem, dict(options), dict(constants)))
     name = cases[0].name if len(targets) == 1 else SEVERAL
     return Suite(name, "", tuple(cases), limits)
 
@@ -154,9 +158,12 @@ class _Reader:
 
     texts: dict[Path, str] = field(default_factory=dict)
     data: dict[str, Mapping[str, Any] | None] = field(default_factory=dict)
+    suites: dict[Path, Suite] = field(default_factory=dict)
 
     def suite(self, path: Path, name: str, chain: tuple[Path, ...]) -> Suite:
         """Return the suite in a file; `chain` are the files that include it."""
+        if path.resolve() in self.suites:
+            return self.suites[path.resolve()]
         chain = (*chain, path.resolve())
         source = read(self.text(path), name)
         file, wrong = _validated(source)
@@ -165,7 +172,8 @@ class _Reader:
             raise ProblemError(wrong, source)
         cases = tuple(draft.case for draft in drafts)
         limits = {draft.case.name: draft.limits for draft in drafts}
-        return Suite(path.stem, file.title, cases, limits)
+        made = self.suites[chain[-1]] = Suite(path.stem, file.title, cases, limits)
+        return made
 
     def drafts(
         self, file: _File, path: Path, chain: tuple[Path, ...], wrong: list[Complaint]

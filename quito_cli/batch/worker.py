@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import os
 import pickle
-import select
 import signal
 import subprocess
 import sys
@@ -24,7 +23,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import Pipe
-from multiprocessing.connection import Connection
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +46,8 @@ _TAIL = 2_000
 """Bytes kept of what a worker prints."""
 _GROWTH = 500_000_000
 """Bytes that a worker may have grown by since its first job before it is replaced."""
+_SHARE = 8
+"""Part of its limit that it may have grown by: what a job finds taken is not its fault."""
 _GRACE = 1.0
 """Seconds that a worker has to leave by itself."""
 
@@ -151,8 +152,8 @@ class Worker:
 
     def _outgrown(self) -> bool:
         """Whether the process is gone, or has kept so much of its jobs that a new one is better."""
-        process, limit = self._running(), self.memory or 2 * _GROWTH
-        growth = min(_GROWTH, limit // 2)
+        process = self._running()
+        growth = _GROWTH if self.memory is None else min(_GROWTH, self.memory // _SHARE)
         return not process.alive or bool(self._settled and process.rss() > self._settled + growth)
 
 
@@ -165,6 +166,7 @@ class _Process:
             self._popen = subprocess.Popen(
                 [
                     sys.executable,
+                    "-P",  # what lies in the working folder is not to be imported
                     "-c",
                     f"from quito_cli.batch.serving import serve; serve({theirs.fileno()})",
                 ],
@@ -180,7 +182,6 @@ class _Process:
         self._excess = 0
         self.memory: int | None = None
         self._ended = threading.Event()
-        self._ending = threading.Lock()
         self._watcher = threading.Thread(target=self._watch, daemon=True)
         self._watcher.start()
         with suppress(OSError):
@@ -234,16 +235,21 @@ class _Process:
         source = self._popen.stdout
         assert source is not None
         with source:
+            listening = [source.fileno()]
             while not self._ended.is_set():
-                readable, _, _ = select.select([source], [], [], _LOOK)
-                if readable:
+                if wait(listening, _LOOK):
                     printed = os.read(source.fileno(), 65536)
                     self._tail = (self._tail + printed)[-_TAIL:]
-                    if not printed:
-                        return
-                if self.memory is not None and not self._excess and self.rss() > self.memory:
-                    self._excess = self.rss()
-                    self._kill()
+                    listening = listening if printed else []
+                if not listening:  # it will print no more, but it may still grow
+                    self._ended.wait(_LOOK)
+                self._weigh()
+
+    def _weigh(self) -> None:
+        """End the process where it holds more than it may."""
+        if self.memory is not None and not self._excess and (held := self.rss()) > self.memory:
+            self._excess = held
+            self._kill()
 
 
 def _environment() -> dict[str, str]:

@@ -53,7 +53,8 @@ def batch(
         typer.Option(metavar="SIZE", help="Of each case, such as 2GB; wins over the suite's."),
     ] = None,
     keep: Annotated[
-        str, typer.Option(help="Result files that stay: all, failed (those of other cases), none.")
+        str,
+        typer.Option(help="Result files that stay: all, failed (of cases that do not pass), none."),
     ] = "all",
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on where a run of these cases stopped.")
@@ -138,7 +139,7 @@ def batch(
         return
     from quito_cli.cli.live import Live
 
-    live = Live(len(suite.cases), quiet=quiet or as_json, verbose=verbose)
+    live = Live(len(suite.cases), silent=as_json, quiet=quiet, verbose=verbose)
     setting = Setting(jobs or available(), output, keep, suite.limits)  # type: ignore[arg-type]
     finished, interrupted = _run(suite, setting, live, resume=resume, fail_fast=fail_fast)
     _report(suite, finished, setting, as_json=as_json, quiet=quiet, verbose=verbose)

@@ -33,9 +33,9 @@ _WORD: Final = 13
 class Live:
     """The lines of one run."""
 
-    def __init__(self, cases: int, *, quiet: bool, verbose: bool) -> None:
-        self._cases, self._quiet, self._verbose = cases, quiet, verbose
-        self.moving = sys.stderr.isatty() and not quiet
+    def __init__(self, cases: int, *, silent: bool, quiet: bool, verbose: bool) -> None:
+        self._cases, self._silent, self._quiet, self._verbose = cases, silent, quiet, verbose
+        self.moving = sys.stderr.isatty() and sys.stdout.isatty() and not quiet and not silent
         """Whether somebody looks at the cases at work."""
         self._began = time.perf_counter()
         self._at_work: dict[str, tuple[float, Progress | None]] = {}
@@ -53,7 +53,7 @@ class Live:
         self._done += 1
         passed = finished.ending.exit_code == 0
         self._failed += not passed
-        if self._quiet and passed:
+        if self._silent or (self._quiet and passed):
             return
         self._erase()
         typer.echo("\n".join(lines_of(finished, every_check=self._verbose)))

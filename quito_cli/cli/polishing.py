@@ -40,12 +40,12 @@ _MEANING: Final[dict[Action, str]] = {
     "assume": "the structure that the direct answer shows, or what it has become",
     "solve": "Newton's method on states, costates, junction times and multipliers together; "
     "the residual is that of all equations, scaled, and falls quadratically at the end",
-    "drop": "an arc that shrank to nothing is left out",
+    "drop": "an arc that shrank to nothing, or that the equations know nothing of, is left out",
     "insert": "a sign that does not hold asks for an arc that was missing",
     "release": "a bound or constraint that pushes the wrong way is let go",
     "refine": "segments are halved where their polynomials do not carry, and all is solved again",
     "check": "signs, bounds and constraints of what was solved, between the points too",
-    "refuse": "a condition that this structure cannot be made to meet",
+    "refuse": "what was assumed cannot be made to meet a condition",
 }
 """What the less plain of them mean."""
 

@@ -171,7 +171,7 @@ class _Jumps:
     impulses: Array
     """(N+1, rows); of states not at the ends, where bounds are matters of transversality."""
     costate: Array
-    """(N+1, n_x) λ⁻ − λ⁺."""
+    """(N+1, n_x) λ⁻ − λ⁺; at the ends without point constraints, as in all answers."""
     rates: Array
     """(N+1,) of H."""
     parameters: Array
@@ -191,8 +191,9 @@ def _jumps(system: Pontryagin, solution: Solution) -> _Jumps:
         costate, rates = calm.adjoint - struck.adjoint, struck.rate - calm.rate
         parameters = (struck.parameters - calm.parameters).sum(axis=0)
     for f, (k, rho) in zip(point_jumps(system), _points(system, solution, t), strict=True):
-        values = (t[[k]], x[[k]], none[[k]], u[[k]], p, None, None)
-        costate[k] += sampled(f, values)[1].reshape(m.n_x, -1) @ rho
+        if 0 < k < count - 1:
+            values = (t[[k]], x[[k]], none[[k]], u[[k]], p, None, None)
+            costate[k] += sampled(f, values)[1].reshape(m.n_x, -1) @ rho
     return _Jumps(impulses, costate, rates, parameters)
 
 

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.optimality.conditions import blurred, unfollowed, waves
+from quito_cli.optimality.hamiltonian import sampled
 from quito_cli.optimality.look import Look
-from quito_cli.optimality.transversality import Freedom, transversality
+from quito_cli.optimality.transversality import Freedom, point_jumps, transversality
 from quito_cli.optimality.verdicts import PLAIN, judged, not_applicable
 from quito_cli.problem.model import Bounds, Constraint, labels
 from quito_cli.solution.optimal import Condition
@@ -25,7 +26,8 @@ def transversal(look: Look) -> Iterator[Condition]:
     m, p = look.system.model, look.solution.parameters
     ends = transversality(look.system)
     given, f = look.panels, look.flow
-    start, last = given.costates[0], _last_costate(look)
+    start = given.costates[0] + _at_points(look, 0)
+    last = _last_costate(look) - _at_points(look, len(given.times) - 1)
     x, t = given.states, given.times
     h = look.point.hamiltonian
     found = ends.residuals(
@@ -42,6 +44,8 @@ def transversal(look: Look) -> Iterator[Condition]:
         look.impulses.boundary,
     )
     of_x0, of_xf, of_t0, of_tf, of_p = (np.array(v).ravel() for v in found)
+    for share, step in _steps_of_h(look):
+        of_t0, of_tf = of_t0 + (1 - share) * step, of_tf + share * step
     size = np.maximum(np.abs(given.costates).max(axis=0), look.least_costates)
     size = np.where(size > 1e-6 * size.max(), size, size.max())
     names = labels(m.states)
@@ -62,8 +66,39 @@ def transversal(look: Look) -> Iterator[Condition]:
                         labels(m.parameters), look, 0)  # fmt: skip
 
 
+def _steps_of_h(look: Look) -> Iterator[tuple[float, float]]:
+    """Give where in the horizon each point constraint is, and H⁻ + ρᵀ c_t − H⁺ there.
+
+    Its time moves with those of the ends, so that M_t_f + H(t_f) + Σ share · step = 0 and
+    M_t₀ − H(t₀) + Σ (1 − share) · step = 0.
+    """
+    import casadi as ca
+
+    m, h, f = look.system.model, look.point.hamiltonian, look.flow
+    for (k, rho), point in zip(look.impulses.points, m.constraints.point, strict=True):
+        if 0 < k < len(h):
+            inputs = [m.x, m.u, m.p, m.t]
+            by_t = ca.Function("by_t", inputs, [ca.densify(ca.jacobian(point.value, m.t))])
+            at = (look.panels.states[k], f.u[k], look.solution.parameters, look.panels.times[k])
+            slope = float(np.array(by_t(*at)).ravel() @ rho)
+            yield point.at or 0.0, float(h[k - 1] - h[k]) + slope
+
+
+def _at_points(look: Look, k: int) -> Array:
+    """Return what point constraints at an end take from the costate there, (n_x,): ρᵀ c_x."""
+    given, p = look.panels, look.solution.parameters
+    u = given.controls(look.solution, np.array([0.0, 1.0]))[[min(k, len(given.cells) - 1)]]
+    found = np.zeros(given.states.shape[1])
+    for (at, rho), f in zip(look.impulses.points, point_jumps(look.system), strict=True):
+        if at == k:
+            x, costate = given.states[[k]], given.costates[[k]]
+            values = (given.times[[k]], x, costate, u[:, int(k > 0)], p, None, None)
+            found += sampled(f, values)[1].reshape(len(found), -1) @ rho
+    return found
+
+
 def _last_costate(look: Look) -> Array:
-    """λ(t_f) after the impulses of path and point constraints there."""
+    """λ(t_f) after the impulses of path constraints there."""
     given, last = look.panels, look.panels.costates[-1].copy()
     x, t = given.states[[-1]], given.times[[-1]]
     u = given.controls(look.solution, np.array([1.0]))[-1]

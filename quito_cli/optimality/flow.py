@@ -196,14 +196,17 @@ def _struck(carrier: Carrier, y: Array, t: Array, u: Array, p: Array, given: Arr
 def _at_points(
     carrier: Carrier, given: Panels, impulses: Impulses, u: Array, p: Array, y: Array
 ) -> None:
-    """Take impulses of point constraints from the costates at the starts of panels."""
+    """Take impulses of point constraints from the costates at the starts of panels.
+
+    Those at the ends of the horizon are matters of transversality: costates are those inside.
+    """
     from quito_cli.optimality.transversality import point_jumps
 
     n = carrier.system.model.n_x
     if not impulses.points:
         return
     for (k, rho), f in zip(impulses.points, point_jumps(carrier.system), strict=True):
-        if k >= len(y):
+        if not 0 < k < len(y):
             continue
         at = (given.times[[k]], y[[k], :n], y[[k], n : 2 * n], u[[k]], p, None, None)
         slopes = sampled(f, at)[1].reshape(n, -1)

@@ -46,6 +46,8 @@ STEEP = 0.02
 """Second differences of û over its range, above which the cells do not show what it does."""
 NOTHING = 1e-5
 """Part of the cost that is none: solvers are asked for less than a thousandth of that."""
+ROUNDING = 1e-12
+"""Part of the largest size that counts as one, whatever is zero."""
 LOCAL = 1e-3
 """Part of the largest size that is one everywhere."""
 SLIGHT = 0.01
@@ -252,9 +254,9 @@ class Look:
         """How fast states move at most, (n_x,)."""
         f = np.abs(np.diff(self.panels.states, axis=0)) / self.panels.lengths[:, None]
         horizon = self.panels.times[-1] - self.panels.times[0]
-        return np.asarray(
-            np.maximum(f.max(axis=0), np.abs(self.panels.states).max(axis=0) / horizon)
-        )
+        own = np.maximum(f.max(axis=0), np.abs(self.panels.states).max(axis=0) / horizon)
+        # A state that is always zero has the rate of rounding.
+        return np.asarray(np.maximum(own, ROUNDING * own.max(initial=0.0)))
 
     @property
     def least_costates(self) -> Array:

@@ -77,7 +77,7 @@ class Polished(Look):
         """−1 or +1 where a row is at its lower or upper bound; (P, rows)."""
         values = self.rows[0]
         lower, upper = _limits(self.system)
-        reach = AT_BOUND * _sizes_of(values)
+        reach = AT_BOUND * _sizes_of(self)
         return np.where(values >= upper - reach, 1, np.where(values <= lower + reach, -1, 0))
 
     @cached_property
@@ -123,9 +123,13 @@ def _limits(system: Pontryagin) -> Bounds:
     return Bounds(np.array([row.lower for row in rows]), np.array([row.upper for row in rows]))
 
 
-def _sizes_of(values: Array) -> Array:
-    """Return the sizes of rows by what they move by, (rows,)."""
-    found = np.maximum(np.ptp(values, axis=0), 1e-3 * np.abs(values).max(axis=0))
+def _sizes_of(look: Look) -> Array:
+    """Return the sizes of rows by what they move by, or a part of their terms, (rows,)."""
+    values, by_x, by_u = look.rows[:3]
+    f = look.flow
+    terms = np.abs(by_x * f.x[:, None, :]).sum(axis=2) + np.abs(by_u * f.u[:, None, :]).sum(axis=2)
+    least = 1e-3 * np.maximum(np.abs(values), terms).max(axis=0)
+    found = np.maximum(np.ptp(values, axis=0), least)
     return np.where(found > 0, found, 1.0)
 
 
@@ -157,7 +161,7 @@ def _signs(look: Polished, name: str, own: slice, never: str) -> Condition:
     struck = impulses[:, own]
     if not (mu.any() or struck.any()):
         return not_applicable(name, never)
-    sizes = _sizes_of(values)
+    sizes = _sizes_of(look)[own]
     p, x, u = look.solution.parameters, look.solution.state(t), look.solution.control(t)
     at_nodes = look.carrier.rows_at(t, x, u, p)[0][:, own]
     off = []
@@ -181,29 +185,62 @@ def _signs(look: Polished, name: str, own: slice, never: str) -> Condition:
 
 
 def arcs_kept(look: Look) -> Iterator[Condition]:
-    """Controls and constraints are at the bounds that their arcs say."""
-    name = "controls and constraints are at the bounds of their arcs"
-    middles = (look.panels.times[1:] + look.panels.times[:-1]) / 2
+    """Arcs end at nodes, and controls and constraints are in them what they say."""
+    assert isinstance(look, Polished)
+    name = "controls and constraints are what their arcs say"
+    held = list(_held(look))
+    if not held:
+        yield not_applicable(name, "there are no arcs")
+        return
+    off = np.array([_off(look, arc, distance) for arc, distance in held]).T
+    yield judged(
+        name,
+        off,
+        1.0,
+        look.flow.t,
+        SOLVED,
+        lambda: 0.0,
+        held[int(np.argmax(off.max(axis=0)))][0].of,
+    )
+
+
+def _off(look: Polished, arc: Arc, distance: Array) -> Array:
+    """Return how far what an arc is of is from what it says, or its ends from nodes, (P,)."""
+    t, nodes = look.panels.times, look.solution.times
+    missed = max(float(np.abs(nodes - at).min()) for at in (arc.start, arc.end))
+    inside = _inside(look, arc)
+    return np.where(inside, np.maximum(distance, missed / (t[-1] - t[0])), 0.0)
+
+
+def _inside(look: Polished, arc: Arc) -> Flags:
+    """Panels in an arc, (P,)."""
+    t = look.panels.times
+    middles = (t[1:] + t[:-1]) / 2
+    return np.asarray((middles > arc.start) & (middles < arc.end))
+
+
+def _held(look: Polished) -> Iterator[tuple[Arc, Array]]:
+    """Give each arc with how far it is from what it says, over its range, (P,).
+
+    At a bound its distance; between bounds all of it where the whole arc is at one; of a
+    constraint that is not active its multiplier.
+    """
     of_controls, of_rows = by_quantity(look.arcs, look.names)
     (lower, upper), (low, high) = look.system.model.control_bounds, _limits(look.system)
-    values, sizes = look.rows[0], _sizes_of(look.rows[0])
-    off = np.zeros(len(middles))
-
-    def held(arc: Arc, distance: Array) -> None:
-        inside = (middles > arc.start) & (middles < arc.end)
-        off[inside] = np.maximum(off[inside], distance[inside])
-
+    u, values, mu = look.flow.u, look.rows[0], np.abs(look.along.mu)
+    sizes, most = _sizes_of(look), positive(mu.max(axis=0, initial=0.0))
     for i, label in enumerate(look.names):
         for arc in of_controls.get(label, []):
-            if arc.kind in ("lower", "upper"):
-                bound = (lower if arc.kind == "lower" else upper)[i]
-                held(arc, np.abs(look.flow.u[:, i] - bound) / look.spans[i])
+            bound = {"lower": lower[i], "upper": upper[i]}.get(arc.kind)
+            if bound is not None:
+                yield arc, np.abs(u[:, i] - bound) / look.spans[i]
+            else:
+                own = look.labels[_inside(look, arc), i]
+                yield arc, np.full(len(u), float(own.size > 0 and own.all()))
     for j, row in enumerate(look.system.rows):
+        nearest = np.minimum(np.abs(values[:, j] - low[j]), np.abs(values[:, j] - high[j]))
         for arc in of_rows.get(row.label, []):
-            if arc.kind == "active":
-                nearest = np.minimum(np.abs(values[:, j] - low[j]), np.abs(values[:, j] - high[j]))
-                held(arc, nearest / sizes[j])
-    yield judged(name, off, 1.0, look.flow.t, SOLVED, lambda: 0.0, "one of them")
+            yield arc, nearest / sizes[j] if arc.kind == "active" else mu[:, j] / most[j]
 
 
 def sharply(row: Condition) -> Condition:

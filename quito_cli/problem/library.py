@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from pathlib import Path
 
 TEMPLATE = Path(__file__).with_name("template.yaml")
@@ -39,5 +40,6 @@ def _files() -> dict[str, Path]:
     return {path.stem: path for path in sorted(data_folder("problems").glob("*.yaml"))}
 
 
+@cache  # they do not change
 def _is_suite(path: Path) -> bool:
     return says_cases(path.read_text(encoding="utf-8"))

@@ -49,7 +49,10 @@ def load_text(text: str, name: str, changes: Mapping[str, str | float] | None = 
     """
     source = read(text, name)
     if "cases" in source.data and "dynamics" not in source.data:
-        raise UsageError(f"{name} is a suite of cases, no problem: `quito batch {name}` runs it")
+        raise UsageError(
+            f"{name} is a suite of cases, no problem: `quito batch {name}` runs it, and only reads "
+            "it with --list"
+        )
     return changed(validate(source, Path(name).stem), changes or {})
 
 

@@ -74,15 +74,21 @@ def write_densities(into: Group, given: Densities) -> None:
 
 
 def read_densities(group: h5py.Group) -> Densities:
-    """Return multipliers by time."""
+    """Return multipliers by time.
+
+    Raises:
+        ValueError: an impulse at a node, or of a row, that there is not.
+    """
     before = group["density_before"][:] if "density_before" in group else None
     degree = int(group.attrs["degree"])
+    curve = Polynomials(group["time"][:], group["density"][:], degree, before)
+    labels = tuple(str(label) for label in group["row"].asstr()[:])
     columns = (group[name][:].tolist() for name in ("node", "of_row", "size"))
-    return Densities(
-        tuple(str(label) for label in group["row"].asstr()[:]),
-        Polynomials(group["time"][:], group["density"][:], degree, before),
-        tuple(Impulse(*row) for row in zip(*columns, strict=True)),
-    )
+    impulses = tuple(Impulse(*row) for row in zip(*columns, strict=True))
+    for one in impulses:
+        if not (0 <= one.node <= curve.cells and 0 <= one.row < len(labels)):
+            raise ValueError("an impulse is at no node, or of no row")
+    return Densities(labels, curve, impulses)
 
 
 def check(possible: Any, found: Iterable[str]) -> None:

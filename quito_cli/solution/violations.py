@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from quito_cli.problem.model import Bounds, Constraint, Model, labels
 
 Array = NDArray[np.float64]
+ROUNDING = 1e-12
+"""Part of the largest size of all that counts as one."""
 
 
 @dataclass(frozen=True)
@@ -134,9 +136,10 @@ def integral_size(model: Model, dense: Dense, constraint: Constraint) -> Array:
 def _bounds(
     names: tuple[str, ...], bounds: Bounds, times: Array, values: Array, everywhere: Array
 ) -> Iterator[Violation]:
+    least = ROUNDING * float(np.abs(everywhere).max(initial=0.0))  # what is always zero has no size
     for i, name in enumerate(names):
         lower, upper = float(bounds.lower[i]), float(bounds.upper[i])
-        scale = _scale(lower, upper, everywhere[:, i])
+        scale = max(_scale(lower, upper, everywhere[:, i]), least)
         if lower == upper:
             yield _worst(f"{name} = {lower:g}", times, np.abs(values[:, i] - lower), scale)
             continue

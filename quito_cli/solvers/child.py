@@ -93,7 +93,7 @@ def _started() -> subprocess.Popen[bytes]:
     home = str(Path(__file__).resolve().parents[2])
     paths = [home, *filter(None, [os.environ.get("PYTHONPATH")])]
     return subprocess.Popen(
-        [sys.executable, "-m", "quito_cli.solvers.child"],
+        [sys.executable, "-P", "-m", "quito_cli.solvers.child"],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,

@@ -20,11 +20,12 @@ def polish_rows(solution: Solution) -> list[tuple[str, str]]:
     if how is None:
         return []
     label = "polished" if how.polished else "not polished"
-    lines = wrap(_success(solution, how) if how.polished else _failure(how), _WIDTH)
+    said = _success(solution, how) if how.polished else (_failure(how),)
+    lines = [line for sentence in said for line in wrap(sentence, _WIDTH)]
     return [(label if i == 0 else "", line) for i, line in enumerate(lines)]
 
 
-def _success(solution: Solution, how: Polishing) -> str:
+def _success(solution: Solution, how: Polishing) -> tuple[str, str]:
     count = len(solution.switching_times)
     figures = (
         _counted(count, "junction"),
@@ -33,7 +34,8 @@ def _success(solution: Solution, how: Polishing) -> str:
         f"{how.seconds:.2g} s",
     )
     moved = f"{solution.cost - how.cost_before:+.1e}"
-    return f"Pontryagin's system solved: {', '.join(figures)}; cost moved by {moved}"
+    solved = f"Pontryagin's system solved: {', '.join(figures)}"
+    return solved, f"cost moved by {moved} from the direct answer's"
 
 
 def _failure(how: Polishing) -> str:

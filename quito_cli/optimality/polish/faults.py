@@ -68,6 +68,7 @@ def faults(system: System, at: Unknowns) -> list[Fault]:
         return gone
     pieces = sampled(system, at, OFFSETS)
     found = [*_signs(system, at, pieces), *_beyond(system, pieces), *_violated(system, at, pieces)]
+    found += _chattering(system)
     found += [*_pulls(system, at, pieces), *_curved(system, at, pieces), *_ends(system, at)]
     return sorted(found, key=lambda fault: -fault.amount)
 
@@ -154,6 +155,28 @@ def _beyond(system: System, pieces: tuple[Piece, ...]) -> Iterator[Fault]:
                     yield Fault("beyond", start, end, amount, says, i, at_upper, None, k)
 
 
+def _chattering(system: System) -> Iterator[Fault]:
+    """Give singular arcs of even order that a control jumps to: there is no such junction.
+
+    At a junction the order and the lowest derivative of u that jumps have an odd sum (J. P.
+    McDanell and W. F. Powers, SIAM J. Control 9, 1971); where u itself jumps, the order is odd.
+    """
+    phases, times = system.structure.phases, system.structure.times
+    for k in range(1, len(phases)):
+        for one, other in ((phases[k - 1], phases[k]), (phases[k], phases[k - 1])):
+            arc = system.setting.singular(one)
+            if arc is None or arc.order is None or arc.order % 2:
+                continue
+            for i in arc.controls:
+                if other.kinds[i] in ("lower", "upper"):
+                    time, name = float(times[k]), system.setting.name(i)
+                    says = (
+                        f"{name} would come to a singular arc of order {arc.order} from a bound at "
+                        f"{time:.6g}: it would chatter, and no such junction is optimal"
+                    )
+                    yield Fault("curvature", time, time, 1.0, says, i)
+
+
 def _violated(system: System, at: Unknowns, pieces: tuple[Piece, ...]) -> Iterator[Fault]:
     rows, n = system.setting.system.rows, system.layout.states
     p = at.shared[system.layout.place("p")]
@@ -166,20 +189,40 @@ def _violated(system: System, at: Unknowns, pieces: tuple[Piece, ...]) -> Iterat
         x.append(y[:, :n])
         u.append(own_u)
         phase.append(np.full(len(own_t), k))
-    times, phases = np.concatenate(t), np.concatenate(phase)
+    times, phases, held_by = np.concatenate(t), np.concatenate(phase), system.structure.phases
     values = system.setting.rows(times, np.vstack(x), np.vstack(u), p)
     for i, row in enumerate(rows):
-        size = max(float(np.ptp(values[:, i])), 1e-3 * float(np.abs(values[:, i]).max()), 1e-12)
+        if row.lower == row.upper and any((i, True) in phase.held for phase in held_by):
+            continue
+        bounds = [abs(b) for b in (row.lower, row.upper) if np.isfinite(b)]
+        size = max(
+            float(np.ptp(values[:, i])),
+            1e-3 * float(np.abs(values[:, i]).max()),
+            1e-3 * max(bounds, default=0.0),
+            1e-9,
+        )
         for upper in (False, True):
             over = values[:, i] - row.upper if upper else row.lower - values[:, i]
             held = np.array([(i, upper) in system.structure.phases[k].held for k in phases])
             wrong = np.where(held | ~np.isfinite(over), -1.0, over / size - SLIGHT)
+            for k in _between_touches(system, (i, upper)):
+                own_times = times[phases == k]
+                if np.abs(over[phases == k]).max() <= SLIGHT * size:
+                    start, end = float(own_times[0]), float(own_times[-1])
+                    says = f"{row.label} rests at its bound from {start:.6g} to {end:.6g}"
+                    yield Fault("violated", start, end, 1.0, says, -1, upper, (i, upper), k)
             for start, end, worst in _runs(wrong, times):
                 says = f"{row.label} would be violated from {start:.6g} to {end:.6g}"
                 amount = float(wrong[worst])
                 yield Fault(
                     "violated", start, end, amount, says, -1, upper, (i, upper), int(phases[worst])
                 )
+
+
+def _between_touches(system: System, held: Held) -> list[int]:
+    """Return phases that begin and end with a touch of a row."""
+    at = {k for k, touched in system.structure.touches if touched == held}
+    return [k for k in at if k + 1 in at]
 
 
 def _pulls(system: System, at: Unknowns, pieces: tuple[Piece, ...]) -> Iterator[Fault]:
@@ -198,6 +241,8 @@ def _pulls(system: System, at: Unknowns, pieces: tuple[Piece, ...]) -> Iterator[
                 amount = float(wrong[worst])
                 yield Fault("pull", start, end, amount, says, -1, held[1], held, k)
     for leap in leaps(system, at):
+        if leap.junction == 0:  # the costate before it is free: so is the jump
+            continue
         row, sign = rows[leap.held[0]], 1.0 if leap.held[1] else -1.0
         time = float(at.shared[system.layout.place("T")][leap.junction])
         if leap.rest > 1e-5 * leap.size:
@@ -294,7 +339,7 @@ def densities(
             weights = system.method.known.weights(
                 OFFSETS if count == len(OFFSETS) else system.method.known.points
             )
-            mu = np.einsum("mj,kj->km", weights, parts[..., -1]).ravel()
+            mu: Array = (parts[..., -1] @ weights.T).ravel()
             length = float(lengths(system, at)[k])
             sizes = np.abs(parts).max(axis=(0, 1))
             powers = length ** np.arange(1.0, len(sizes))
@@ -328,7 +373,8 @@ def _curved(system: System, at: Unknowns, pieces: tuple[Piece, ...]) -> Iterator
             function = setting.system.function("clebsch", [ca.densify(arc.clebsch)])
             count = len(arc.controls)
             matrix = along(function, given)[0].reshape(len(t), count, count)
-            least = np.linalg.eigvalsh((matrix + matrix.transpose(0, 2, 1)) / 2)[:, 0]
+            symmetric = (matrix + matrix.transpose(0, 2, 1)) / 2
+            least = np.asarray(np.linalg.eigvalsh(symmetric)[:, 0], dtype=np.float64)
             wrong = -least / max(float(np.abs(matrix).max()), 1e-300) - SLIGHT
             yield from _bent(
                 wrong, t, k, "the generalised Legendre-Clebsch condition does not hold"

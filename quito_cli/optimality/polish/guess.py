@@ -21,7 +21,7 @@ from quito_cli.optimality.polish.setting import Setting
 from quito_cli.optimality.polish.structure import Held, Phase, Structure
 from quito_cli.optimality.polish.system import System
 from quito_cli.optimality.polish.unknowns import Segments, Unknowns
-from quito_cli.problem.model import Bounds
+from quito_cli.problem.model import Bounds, Instant
 from quito_cli.solution.solution import Solution
 
 Array = NDArray[np.float64]
@@ -111,11 +111,11 @@ def ends_of(direct: Direct, structure: Structure) -> Ends:
     p_size = np.maximum(np.abs(solution.parameters), 1.0)
     return Ends(
         system,
-        _unheld(direct, structure.phases[0], m.initial, _at_ends(*m.initial, x[0], size)),
-        _unheld(direct, structure.phases[-1], m.final, _at_ends(*m.final, x[-1], size)),
-        float(_at_ends(*_pair(m.initial_time), np.array([start]), np.array([horizon]))[0]),
-        float(_at_ends(*_pair(m.final_time), np.array([end]), np.array([horizon]))[0]),
-        _at_ends(*m.parameter_bounds, solution.parameters, p_size),
+        _unheld(direct, structure.phases[0], m.initial, _at_ends(m.initial, x[0], size)),
+        _unheld(direct, structure.phases[-1], m.final, _at_ends(m.final, x[-1], size)),
+        float(_at_ends(_range(m.initial_time), np.array([start]), np.array([horizon]))[0]),
+        float(_at_ends(_range(m.final_time), np.array([end]), np.array([horizon]))[0]),
+        _at_ends(m.parameter_bounds, solution.parameters, p_size),
         _rows_at(integrals, totals, multipliers.integral, solution.cost),
         boundary,
         tuple(point_values),
@@ -133,28 +133,28 @@ def _unheld(direct: Direct, phase: Phase, bounds: Bounds, found: Array) -> Array
     return found
 
 
-def _pair(instant: object) -> tuple[Array, Array]:
-    return np.array([instant.lower]), np.array([instant.upper])  # type: ignore[attr-defined]
+def _range(instant: Instant) -> Bounds:
+    return Bounds(np.array([instant.lower]), np.array([instant.upper]))
 
 
-def _at_ends(lower: Array, upper: Array, value: Array, size: Array) -> Array:
+def _at_ends(bounds: Bounds, value: Array, size: Array) -> Array:
     """Return the bound that a value is at, NaN where it is at none."""
     found = np.full(len(value), np.nan)
-    for side in (lower, upper):
+    for side in bounds:
         near = np.isfinite(side) & (np.abs(value - side) <= AT_END * size)
         found = np.where(near, side, found)
-    return np.where(lower == upper, lower, found)
+    return np.where(bounds.fixed, bounds.lower, found)
 
 
-def _rows_at(bounds: list, values: Array, multipliers: Array, cost: float) -> Array:  # type: ignore[type-arg]
+def _rows_at(bounds: list[Bounds], values: Array, multipliers: Array, cost: float) -> Array:
     """Return the bound that each row is at and presses on, NaN where it is at none."""
     if not bounds:
         return np.zeros(0)
-    lower, upper = (np.concatenate([getattr(b, s) for b in bounds]) for s in ("lower", "upper"))
+    whole = Bounds(*(np.concatenate(sides) for sides in zip(*bounds, strict=True)))
     size = np.maximum(np.abs(values), 1e-3)
-    found = _at_ends(lower, upper, values, 10 * size)
+    found = _at_ends(whole, values, 10 * size)
     slight = np.abs(multipliers) * size <= PRESSED * max(1.0, abs(cost))
-    return np.where(slight & (lower != upper), np.nan, found)
+    return np.where(slight & ~whole.fixed, np.nan, found)
 
 
 def scales_of(direct: Direct, system: System) -> Scales:

@@ -83,7 +83,8 @@ def limits(system: System, at: Unknowns) -> Iterator[tuple[str, float]]:
         )
     yield from _ranged(
         list(labels(m.parameters)),
-        *m.parameter_bounds,
+        m.parameter_bounds.lower,
+        m.parameter_bounds.upper,
         ends.parameters,
         part["p"],
         slopes[4],

@@ -170,7 +170,7 @@ def _moved(system: System, about: _About, found: Found, scales: Scales, share: f
         inner = inner + flow.stages_by_shared @ shared
         stages = segments.stages + inner.reshape(segments.stages.shape)
         phases.append(replace(segments, nodes=segments.nodes + own, stages=stages))
-    return Unknowns(tuple(phases), about.unknowns.shared + shared)
+    return Unknowns(tuple(phases), system.as_given(about.unknowns.shared + shared))
 
 
 def _about(system: System, at: Unknowns, scales: Scales) -> _About:

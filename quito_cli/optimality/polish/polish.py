@@ -30,6 +30,7 @@ from quito_cli.optimality.polish.revise import dropped, revised
 from quito_cli.optimality.polish.setting import Setting, UnsupportedError
 from quito_cli.optimality.polish.structure import Phase, Structure, assumed
 from quito_cli.optimality.polish.system import System
+from quito_cli.optimality.polish.unknowns import Unknowns
 from quito_cli.optimality.polish.written import exact
 from quito_cli.optimality.probes import TooLargeError
 from quito_cli.solution.polishing import Action, Polishing, PolishStatus, PolishStep
@@ -208,9 +209,9 @@ def _revised(
             return PolishStatus.NOT_CONVERGED, reason, None
         found = _solved(given, structure, last, log)
         solved = found.solved
+        if solved.slow:
+            return PolishStatus.DEGENERATE, _slow(found), None
         if not solved.converged:
-            if solved.slow:
-                return PolishStatus.DEGENERATE, _slow(found), None
             reason = f"the residual stays at {solved.residuals[-1]:.1e}"
             simpler = _simpler(found)
             if simpler is None or simpler[0].phases in known:
@@ -222,9 +223,8 @@ def _revised(
         wrong = faults(found.system, solved.unknowns)
         if not wrong:
             focal = focal_point(found.system, solved.unknowns, scales_of(given, found.system))
-            if focal:
-                return PolishStatus.DEGENERATE, focal, None
-            return PolishStatus.POLISHED, "", found
+            status = PolishStatus.DEGENERATE if focal else PolishStatus.POLISHED
+            return status, focal, None if focal else found
         reason = wrong[0].sentence
         following = _following(setting, _timed(found), wrong, known, log)
         if following is None:
@@ -278,7 +278,8 @@ def _solved(given: Direct, structure: Structure, last: Extremal | None, log: _Lo
         else Again(given, last.system, last.solved.unknowns).unknowns_of(system)
     )
     solved = iterate(system, start, scales)
-    log.tell("solve", f"{len(structure.phases)} phases, {_count(start)} segments", solved.residuals)
+    phases = "1 phase" if len(structure.phases) == 1 else f"{len(structure.phases)} phases"
+    log.tell("solve", f"{phases}, {_count(start)} segments", solved.residuals)
     for _ in range(HALVINGS):
         if not solved.converged:
             break
@@ -290,8 +291,8 @@ def _solved(given: Direct, structure: Structure, last: Extremal | None, log: _Lo
     return Extremal(system, solved)
 
 
-def _count(unknowns: object) -> int:
-    return sum(len(p.stages) for p in unknowns.phases)  # type: ignore[attr-defined]
+def _count(unknowns: Unknowns) -> int:
+    return sum(len(p.stages) for p in unknowns.phases)
 
 
 def _simpler(found: Extremal) -> tuple[Structure, str] | None:
@@ -304,8 +305,8 @@ def _simpler(found: Extremal) -> tuple[Structure, str] | None:
     lengths = np.diff(structure.times)
     phase = k if lengths[k] <= lengths[k - 1] else k - 1
     sentence = (
-        f"no extremal was found, and the junction at {structure.times[k]:.6g} is known least: the arc "
-        "beside it is left out"
+        f"no extremal was found, and the junction at {structure.times[k]:.6g} is known least: "
+        "the arc beside it is left out"
     )
     return dropped(structure, phase).merged(), sentence
 
@@ -326,7 +327,8 @@ def described(setting: Setting, structure: Structure) -> str:
         said, start = [], 0
         for k in range(1, len(kinds) + 1):
             if k == len(kinds) or kinds[k] != kinds[start]:
-                said.append(f"{kinds[start]} to {structure.times[k]:.6g}")
+                kind = "interior" if kinds[start] == "free" else kinds[start]
+                said.append(f"{kind} to {structure.times[k]:.6g}")
                 start = k
         parts.append(f"{setting.name(i)}: " + ", ".join(said))
     for k, phase in enumerate(structure.phases):

@@ -160,9 +160,9 @@ def assumed(setting: Setting, direct: Solution, pressed: Pressed, reach: float |
     points = tuple((times.index(t), k) for k, t in enumerate(at_points))
     found = Structure(tuple(phases), tuple(times), (), points).merged()
     for i in range(len(rows)):
-        for time, held in _touched(setting, direct, i, own[i], *pressed(i)):
+        for time, touched in _touched(setting, direct, i, own[i], *pressed(i)):
             found, k = found.cut(time)
-            found = replace(found, touches=(*found.touches, (k, held)))
+            found = replace(found, touches=(*found.touches, (k, touched)))
     return found
 
 
@@ -219,7 +219,7 @@ def _kind(arcs: list[Arc], time: float) -> Kind:
     for arc in arcs:
         if arc.start <= time < arc.end:
             if arc.kind in ("lower", "upper", "singular"):
-                return arc.kind  # type: ignore[return-value]
+                return arc.kind
             return "free"
     return "free"
 

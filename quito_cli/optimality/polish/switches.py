@@ -26,7 +26,9 @@ def junctions_of(model: Model, exact: Exact, values: Sampled) -> tuple[Junction,
         values: it at offsets of its segments, both ends among them.
     """
     names, u = labels(model.controls), values.controls
-    size = ranges(u.reshape(-1, u.shape[2]), largest_bounds(*model.control_bounds))
+    size = ranges(
+        u.reshape(u.shape[0] * u.shape[1], u.shape[2]), largest_bounds(*model.control_bounds)
+    )
     arcs, _ = by_quantity(exact.arcs, names)
     inner = exact.nodes[1:-1]
     before, after = u[:-1, -1], u[1:, 0]

@@ -119,6 +119,15 @@ class System:
         """Length of y."""
         return 2 * self.setting.system.model.n_x + self.beside
 
+    def as_given(self, shared: Array) -> Array:
+        """Return g with what the problem fixes at its value to the last digit."""
+        found, times = shared.copy(), self.layout.place("T")
+        fixed = (self.ends.initial_time, self.ends.final_time)
+        for place, value in zip((times.start, times.stop - 1), fixed, strict=True):
+            if np.isfinite(value):
+                found[place] = value
+        return found
+
     @cached_property
     def hamiltonians(self) -> tuple[ca.Function, ...]:
         """H by each phase's law."""

@@ -1,11 +1,13 @@
 """What a batch costs beyond its solves, and whether a thousand cases come out as they should.
 
-    OMP_NUM_THREADS=1 pytest -m benchmark tests/benchmarks/test_batch.py -s
+    OMP_NUM_THREADS=1 pytest -m benchmark tests/benchmarks/test_batch_cost.py -s
 
 200 small cases on two workers may take 1.15 times half of what the same solves take one after
-another in one process, and the start of an interpreter for each worker. Result files are not
-written in either: those cost some 0.02 s each, which a table shows. Of 1000 cases, one in a hundred
-crashes, hangs or has no solution, and exactly those are reported; memory does not grow.
+another in one process, and the start of an interpreter for each worker. Where the machine has other
+work, the clock says nothing, and the processor time of all processes is held to the same. Result
+files are not written in either: those cost some 0.02 s each, which is printed beside. Of 1000
+cases, one in a hundred crashes, hangs or has no solution, and exactly those are reported; memory
+does not grow.
 """
 
 from __future__ import annotations
@@ -73,20 +75,22 @@ def test_two_hundred_small_cases(tmp_path: Path) -> None:
     ).stdout
     alone, alone_cpu = map(float, ran.split())
     start = interpreter()
+    quiet = os.getloadavg()[0] < 1.5
     print(f"\n200 solves in one process: {alone:.1f} s, of the processor {alone_cpu:.1f} s")
     print(f"an interpreter that can solve: {start:.2f} s")
-    spent = {}
-    for keep in ("none", "all"):
+    allowed = FACTOR * alone / JOBS + start
+    allowed_cpu = FACTOR * alone_cpu + JOBS * start
+    for keep in ("all", "none"):
         began, began_cpu = time.perf_counter(), processor()
-        finished = list(run(CASES, Setting(JOBS, tmp_path, keep)))  # type: ignore[arg-type]
+        finished = list(run(CASES, Setting(JOBS, tmp_path, keep)))
         assert [one.ending for one in finished] == [Ending.PASSED] * len(CASES)
-        spent[keep] = time.perf_counter() - began
-        allowed = FACTOR * alone / JOBS + start
+        spent, spent_cpu = time.perf_counter() - began, processor() - began_cpu
         print(
-            f"on {JOBS} workers, keep {keep}: {spent[keep]:.1f} s of {allowed:.1f} s allowed; "
-            f"of the processor {processor() - began_cpu:.1f} s"
+            f"on {JOBS} workers, keep {keep}: {spent:.1f} s of {allowed:.1f} s allowed; "
+            f"of the processors {spent_cpu:.1f} s of {allowed_cpu:.1f} s"
         )
-    assert spent["none"] <= allowed
+    assert spent_cpu <= allowed_cpu
+    assert spent <= allowed or not quiet
 
 
 EVIL = {17: "crash", 42: "hang", 71: "infeasible"}
