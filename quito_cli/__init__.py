@@ -15,6 +15,7 @@ from quito_cli.solve import Options, solve
 
 if TYPE_CHECKING:
     from quito_cli.batch.recorded import run_suite
+    from quito_cli.batch.sweeping import sweep
     from quito_cli.comparison.compare import compare
     from quito_cli.comparison.comparison import Comparison
     from quito_cli.comparison.results import compare_results
@@ -39,6 +40,7 @@ _HOMES = {
     "UsageError": "quito_cli.errors",
     "load": "quito_cli.problem.load",
     "run_suite": "quito_cli.batch.recorded",
+    "sweep": "quito_cli.batch.sweeping",
 }
 
 __all__ = [
@@ -56,6 +58,7 @@ __all__ = [
     "load",
     "run_suite",
     "solve",
+    "sweep",
 ]
 
 

@@ -16,6 +16,7 @@ COMMANDS = (
     "solve",
     "compare",
     "batch",
+    "sweep",
     "check",
     "list",
     "show",

@@ -303,7 +303,7 @@ def test_names_of_files(name: str, stem: str) -> None:
 @pytest.fixture(scope="module")
 def of_van_der_pol(solve: Solve) -> tuple[quito.Solution, dict[str, Figure]]:
     solution = solve("van_der_pol", steps=40)
-    return solution, figures(solution, quito.load("van_der_pol"), FIGURES)
+    return solution, figures(solution, quito.load("van_der_pol"), 0.5, FIGURES)
 
 
 def test_figures_are_those_of_the_comparison(
@@ -334,6 +334,7 @@ def test_figures_of_the_solution(
     assert (found["status"], found["success"]) == ("solved", True)
     assert found["estimated_error"] is None, "of adaptive meshes only"
     assert found["warnings"] == len(solution.warnings)
+    assert found["processor_seconds"] == 0.5
     assert set(found) > TIMES
 
 
@@ -341,17 +342,17 @@ def test_costly_figures_are_found_on_request(
     of_van_der_pol: tuple[quito.Solution, dict[str, Figure]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     solution, _ = of_van_der_pol
-    few = figures(solution, quito.load("van_der_pol"), ["error_l2"])
+    few = figures(solution, quito.load("van_der_pol"), 0.5, ["error_l2"])
     assert set(few) == set(FIGURES) - COSTLY | {"error_l2"}
     monkeypatch.setattr("quito_cli.comparison.measure.measured", None)
-    assert set(figures(solution, quito.load("van_der_pol"), [])) == set(FIGURES) - COSTLY
+    assert set(figures(solution, quito.load("van_der_pol"), 0.5, [])) == set(FIGURES) - COSTLY
 
 
 def test_a_problem_without_reference_has_no_such_figures(solve: Solve, lq: str) -> None:
     solution = solve(lq, steps=10)
     from quito_cli.problem.load import load_text
 
-    found = figures(solution, load_text(lq, "lq.yaml"), COSTLY)
+    found = figures(solution, load_text(lq, "lq.yaml"), 0.5, COSTLY)
     for name in COSTLY | {"cost_error", "relative_cost_error", "resimulated_cost_error"}:
         assert found[name] is None
 

@@ -1004,6 +1004,16 @@ def test_ctrl_c_half_way_through_a_refinement_keeps_the_best_mesh(tmp_path: Path
     assert solution.cost == pytest.approx(0.7576179286593919, abs=1e-3)
 
 
+def test_a_polish_is_a_stage_of_its_own_on_the_terminal(tmp_path: Path) -> None:
+    seen = on_a_terminal("solve", "bang_bang", "--polish", "--no-plot", folder=tmp_path)
+    assert seen.code == 0
+    lines = seen.terminal.replace("\x1b[K", "").split("\r")
+    assert max(map(len, lines)) < 80
+    assert lines[-2].startswith("polish  iteration    0   cost -1.83060e-01")
+    assert lines[-1] == ""
+    assert "  polished " in seen.out
+
+
 # Result files that are none
 
 

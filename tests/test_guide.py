@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from documents import Block, blocks, code_spans, prose, run
+from documents import COMMANDS, Block, blocks, code_spans, prose, run
 from scipy.optimize import brentq
 
 import quito_cli as quito
@@ -25,7 +25,7 @@ from quito_cli.solve import Options
 ROOT = Path(__file__).parent.parent
 FOLDER = ROOT / "problems"
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in sorted(FOLDER.glob("*.md"))}
-NO_FAMILY = {"README.md", "options.md", "adaptive-mesh.md", "polish.md"}
+NO_FAMILY = {"README.md", "options.md", "adaptive-mesh.md", "polish.md", "batch.md", "sweeps.md"}
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
@@ -187,9 +187,10 @@ def test_what_a_page_shows_is_what_happens(
             if kind == "file":
                 (tmp_path / file).write_text(step.text, encoding="utf-8")
                 assert quito.load(tmp_path / file).title
-            else:
-                assert kind == "from", f"a block of {name} is of no file"
+            elif kind == "from":
                 assert_part_of(step.text, FOLDER / file)
+            else:
+                assert kind == "baseline", f"a block of {name} is of no file"  # see test_baseline
 
 
 def assert_part_of(text: str, file: Path) -> None:
@@ -215,7 +216,12 @@ def test_links_lead_somewhere(name: str) -> None:
     targets = re.findall(r"\]\(([^)]+)\)", prose(PAGES[name]))
     assert targets
     for target in targets:
-        assert (FOLDER / target).is_file(), target
+        file, _, section = target.partition("#")
+        assert (FOLDER / file).is_file(), target
+        if section:
+            text = (FOLDER / file).read_text(encoding="utf-8")
+            headings = re.findall(r"^#+ (.+)$", text, re.M)
+            assert section in [heading.lower().replace(" ", "-") for heading in headings], target
 
 
 def test_the_readme_leads_to_the_guide() -> None:
@@ -255,13 +261,14 @@ def test_every_option_that_is_named_is_one(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     helps = {}
-    for command in ("solve", "check", "new", "list", "show", "plot"):
+    for command in COMMANDS:
         assert run([command, "--help"], monkeypatch) == 0
         helps[command] = capsys.readouterr().out
-    for page in PAGES.values():
+    for name, page in PAGES.items():
         for span in code_spans(page):
             program, *words = span.split()
-            command = words[0] if program == "quito" else "solve"
+            of_page = {"sweeps.md": "sweep", "batch.md": "batch"}.get(name, "solve")
+            command = words[0] if program == "quito" else of_page
             assert command in helps, span
             home = helps["new" if program == "--from" else command]
             for word in span.split() if span.startswith(("-", "quito ")) else ():

@@ -1,10 +1,8 @@
-"""An entry of a suite -> its cases: defaults laid under it, its matrix spelled out.
+"""An entry of a suite -> its cases: defaults laid under it, its matrix and its sweep spelled out.
 
-Of an option or a constant that is said several times, the matrix counts, then the entry, then the
-defaults of the suite. `null` takes an option or an expectation of the defaults back.
-
-A sweep is to be one more source of combinations beside the matrix: cases of an entry, with their
-`axes`, and with `follows` where they are solved by continuation.
+Of an option or a constant that is said several times, the matrix and the sweep count, then the
+entry, then the defaults of the suite. `null` takes an option or an expectation of the defaults
+back.
 """
 
 from __future__ import annotations
@@ -17,10 +15,14 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from quito_cli.batch.axes import Axis, Known, refuse_unswept
+from quito_cli.batch.axes import axis as axis_of
 from quito_cli.batch.case import Case, Expectation, Scalar
 from quito_cli.batch.limits import Limits
 from quito_cli.batch.schema_expect import Expect
 from quito_cli.batch.schema_suite import MAX_CASES, Entry, Shared
+from quito_cli.batch.sweep import points
+from quito_cli.errors import UsageError
 from quito_cli.problem.load import SETTABLE
 from quito_cli.problem.options import FileOptions
 from quito_cli.problem.text.complaints import Complaint, Path, suggest
@@ -58,10 +60,13 @@ def expanded(
         content: data of the problem file; None where they cannot be read.
     """
     wrong = [*_wrong_axes(entry, place), *_wrong_names(entry, place, content)]
-    count = prod(len(values) for values in entry.matrix.values())
+    over, wrong_over = _over(entry, place, content)
+    wrong += wrong_over
+    count = prod([len(values) for values in entry.matrix.values()] + [len(a.values) for a in over])
     if count > MAX_CASES:
-        message = f"this matrix has {count:,} combinations, and {MAX_CASES:,} are the most"
-        wrong.append(Complaint((*place, "matrix"), message, key=True))
+        what, key = ("this sweep", "over") if over else ("this matrix", "matrix")
+        message = f"{what} has {count:,} combinations, and {MAX_CASES:,} are the most"
+        wrong.append(Complaint((*place, key), message, key=True))
     limits = entry.limits.over(defaults.limits.over(Limits(None, None)))
     options = _options(defaults) | _options(entry)
     options = {key: value for key, value in options.items() if value is not None}
@@ -69,19 +74,55 @@ def expanded(
     expectations = tuple(_expectations(defaults.expect, entry.expect))
 
     def cases() -> Iterator[Draft]:
-        for axes in combinations(entry.matrix):
-            given = {key: value for key, value in axes.items() if key in OPTIONS}
+        for axes, point in product(combinations(entry.matrix), points(over, warm=entry.warm)):
+            chosen = {key: value for key, value in axes.items() if key in OPTIONS}
+            others = {key: value for key, value in axes.items() if key not in chosen}
+            before = None if point.before is None else name + in_brackets({**axes, **point.before})
             case = Case(
-                name + in_brackets(axes),
+                name + in_brackets({**axes, **point.labels}),
                 problem,
-                options | given,
-                constants | {key: value for key, value in axes.items() if key not in given},
+                options | chosen | point.options,
+                constants | others | point.constants,
                 expectations,
-                axes,
+                axes | point.values,
+                before,
             )
             yield Draft(case, limits, place)
 
     return cases(), wrong
+
+
+def _over(
+    entry: Entry, place: Path, content: Mapping[str, Any] | None
+) -> tuple[tuple[Axis, ...], list[Complaint]]:
+    """Return the axes of an entry's sweep, and what is wrong with them."""
+    axes: list[Axis] = []
+    wrong = []
+    for key, values in entry.over.items():
+        at = (*place, "over", key)
+        try:
+            if key in entry.matrix:
+                raise UsageError(f"{key} is in the matrix, too: say it in one of the two")
+            if content is not None:  # what cannot be read is refused when it is solved
+                axes.append(axis_of(key, values, _known(content)))
+                refuse_unswept(axes)
+        except UsageError as error:
+            wrong.append(Complaint(at, str(error), length=len(key), key=True))
+    if entry.warm and not entry.over:
+        message = "continuation goes along the axes of a sweep: add `over`"
+        wrong.append(Complaint((*place, "warm"), message, length=len("warm"), key=True))
+    return tuple(axes), wrong
+
+
+def _known(content: Mapping[str, Any]) -> Known:
+    """Return what there is to go over in the data of a problem file."""
+
+    def names(section: str) -> tuple[str, ...]:
+        found = content.get(section)
+        return tuple(map(str, found)) if isinstance(found, dict) else ()
+
+    variables = {section: names(section) for section in ("states", "controls", "parameters")}
+    return Known(names("constants"), variables, FileOptions)
 
 
 def combinations(matrix: Mapping[str, Sequence[Scalar]]) -> Iterator[dict[str, Scalar]]:

@@ -28,8 +28,9 @@ PASSED: Final = "passed"
 class Answer:
     """A Solution with the problem it is one of, measured when a figure needs it."""
 
-    def __init__(self, solution: Solution, problem: Problem) -> None:
+    def __init__(self, solution: Solution, problem: Problem, processor_seconds: float) -> None:
         self.solution, self.problem = solution, problem
+        self.processor_seconds = processor_seconds
 
     @cached_property
     def row(self) -> Row | None:
@@ -142,23 +143,27 @@ _ROWS: Final = (
     Known("estimated_error", "number", _estimate),
     Known("build_seconds", "number", lambda a: a.solution.statistics.build_seconds),
     Known("solve_seconds", "number", lambda a: a.solution.statistics.solve_seconds),
+    Known("processor_seconds", "number", lambda a: a.processor_seconds),
 )
 FIGURES: Final[Mapping[str, Known]] = {row.name: row for row in _ROWS}
 COSTLY: Final = frozenset(row.name for row in _ROWS if row.costly)
 """Those that are found on request only."""
-TIMES: Final = frozenset(("build_seconds", "solve_seconds"))
+TIMES: Final = frozenset(("build_seconds", "solve_seconds", "processor_seconds"))
 """Those that are of the machine, and of what else it does."""
 
 
-def figures(solution: Solution, problem: Problem, wanted: Collection[str]) -> dict[str, Figure]:
+def figures(
+    solution: Solution, problem: Problem, processor_seconds: float, wanted: Collection[str]
+) -> dict[str, Figure]:
     """Return the figures of an answer by name; None where one is not known.
 
     Args:
         solution: the answer.
         problem: what it is an answer to.
+        processor_seconds: what it took of a processor.
         wanted: names of those to be found though it takes time.
     """
-    answer = Answer(solution, problem)
+    answer = Answer(solution, problem, processor_seconds)
     chosen = (row for row in _ROWS if not row.costly or row.name in wanted)
     return {row.name: _finite(row.of(answer)) for row in chosen}
 

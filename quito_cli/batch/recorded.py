@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -34,14 +35,29 @@ def recorded(suite: Suite, setting: Setting, *, resume: bool) -> Iterator[Finish
         resume: whether to go on where an earlier run stopped: what it finished is yielded first.
 
     Raises:
-        UsageError: there is nothing to resume, it is of other cases, or another run is at it.
+        UsageError: there is nothing to resume, it is of other cases, or another run is at it; or
+            results are not kept that other cases start from.
         ResultFileError: the journal cannot be read or written.
     """
+    if setting.keep != "all" and any(case.follows for case in suite.cases):
+        raise UsageError(
+            f"keep: cases start from the results of others, and {setting.keep!r} does not keep "
+            "those: leave it out"
+        )
     with Journal(journal_path(setting.folder, suite), suite.cases, resume=resume) as journal:
         yield from (journal.done[c.name] for c in suite.cases if c.name in journal.done)
-        for finished in run(suite.cases, setting, journal.done):
+        for finished in _runner(setting)(suite.cases, setting, journal.done):
             journal.write(finished)
             yield finished
+
+
+def _runner(setting: Setting) -> Callable[..., Iterator[Finished]]:
+    """Return what runs cases: processes here, or a cluster."""
+    if setting.cluster is None:
+        return run
+    from quito_cli.batch.cluster import run_on
+
+    return partial(run_on, setting.cluster)
 
 
 def run_suite(

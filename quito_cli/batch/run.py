@@ -56,10 +56,15 @@ class Setting:
     start."""
     job: Callable[..., Finished] = solve_case
     """What a worker does with a case."""
+    cluster: str | None = None
+    """Address of a Dask scheduler, on whose workers they are run; None: here."""
 
 
 def run(
-    cases: Sequence[Case], setting: Setting, done: Mapping[str, Finished] | None = None
+    cases: Sequence[Case],
+    setting: Setting,
+    done: Mapping[str, Finished] | None = None,
+    workers: Sequence[Worker] = (),
 ) -> Iterator[Finished]:
     """Solve cases.
 
@@ -67,6 +72,7 @@ def run(
         cases: with names of their own.
         setting: how.
         done: what is finished already, by name: it is not solved again, nor yielded.
+        workers: idle ones to take, and to leave as they are; none: own ones.
 
     Yields:
         What became of each, as it comes. When stopped, cases at work are yielded as interrupted,
@@ -75,12 +81,13 @@ def run(
     Raises:
         UsageError: two cases have a name, or cases follow one another in a circle, or what is none.
     """
-    _refuse_tangles(cases)
+    refuse_tangles(cases)
     setting.folder.mkdir(parents=True, exist_ok=True)
     clean(setting.folder, cases)
     finished = dict(done or {})
     pending = {case.name: case for case in cases if case.name not in finished}
-    places = [_Place(Worker(None)) for _ in range(min(setting.jobs, len(pending)))]
+    own = [] if workers else [Worker(None) for _ in range(min(setting.jobs, len(pending)))]
+    places = [_Place(worker) for worker in workers or own]
     everything = {case.name: case for case in cases}
     try:
         while pending or any(place.case for place in places):
@@ -92,8 +99,8 @@ def run(
                 finished[ended.case.name] = ended
                 yield ended
     finally:
-        for place in places:
-            place.worker.close()
+        for worker in own:
+            worker.close()
 
 
 @dataclass
@@ -165,10 +172,10 @@ def _assign(
         del pending[case.name]
         followed = any(other.follows == case.name for other in pending.values())
         keep: Keep = "all" if followed else setting.keep
-        place.take(case, _guess(case, finished, everything), keep, setting)
+        place.take(case, answer_before(case, finished, everything), keep, setting)
 
 
-def _guess(
+def answer_before(
     case: Case, finished: Mapping[str, Finished], everything: Mapping[str, Case]
 ) -> Path | None:
     """Return the answer to start from: the nearest on the way that a case follows."""
@@ -221,7 +228,7 @@ def _obituary(died: Died) -> str:
     return f"{died.sentence}; its last words: {last}" if last else died.sentence
 
 
-def _refuse_tangles(cases: Sequence[Case]) -> None:
+def refuse_tangles(cases: Sequence[Case]) -> None:
     """Refuse names that are not a case's own, and cases that wait for ever.
 
     Raises:

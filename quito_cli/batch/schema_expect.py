@@ -190,6 +190,9 @@ class Expect(Strict):
     """Time before the solver is called; of this machine."""
     solve_seconds: NumberExpected = None
     """Time in the solver; of this machine."""
+    processor_seconds: NumberExpected = None
+    """Time of a processor for the whole solve with its checks; of this machine, but not of what
+    else it does."""
 
     def expectations(self) -> Iterator[Expectation]:
         """Yield what is expected, in the order of the fields."""

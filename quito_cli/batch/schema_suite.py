@@ -66,6 +66,13 @@ AxisValue = Annotated[
     Discriminator(lambda value: "=switch" if isinstance(value, bool) else kind(value)),
 ]
 """A number, a word or an expression, or a switch."""
+AxisValues = Annotated[
+    Annotated[int | float, Tag("=number")]
+    | Annotated[str, Tag("=expression")]
+    | Annotated[list[AxisValue], Field(min_length=1, max_length=MAX_CASES), Tag("=list")],
+    Discriminator(kind),
+]
+"""A range such as 0.1:2:20, or values with commas between, or a list of them."""
 _SIZES = "^ *[0-9]+([.][0-9]+)? *([kKmMgGtT]?[bB])? *$"
 Memory = Annotated[
     Annotated[int, Field(ge=LEAST_MEMORY, strict=True), Tag("=number")]
@@ -132,6 +139,12 @@ class Entry(Shared):
     ] = {}
     """Options and constants that take several values each: a case for every combination, called
     `name[steps=50,mu=1]`."""
+    over: Annotated[dict[str, AxisValues], Field(max_length=MAX_AXES)] = {}
+    """Axes of a sweep, as `quito sweep --over` takes them: constants and options with a range,
+    mu: 0.1:2:20 or mu: 1e-3:1:10:log, or with a list of values. All combinations, with those of
+    `matrix`, are cases."""
+    warm: bool = False
+    """Continuation along the axes of `over`: each solve starts from its neighbour's answer."""
 
 
 class SuiteFile(Strict):

@@ -25,6 +25,7 @@ from quito_cli.cli.schema import schema
 from quito_cli.cli.show import show
 from quito_cli.cli.solve import solve
 from quito_cli.cli.solvers import solvers
+from quito_cli.cli.sweep import sweep
 from quito_cli.errors import QuitoError
 
 app = typer.Typer(
@@ -60,6 +61,7 @@ def _quito(
 app.command("solve")(solve)
 app.command("compare")(compare)
 app.command("batch")(batch)
+app.command("sweep")(sweep)
 app.command("check")(check)
 app.command("list")(list_problems)
 app.command("show")(show)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from quito_cli.cli.options import (
+    Cluster,
     GeneratingFunction,
     MaxIterations,
     Settings,
@@ -15,13 +17,23 @@ from quito_cli.cli.options import (
     Substeps,
     Tolerance,
 )
-from quito_cli.cli.output import check_folder
+from quito_cli.cli.output import check_folder, check_jobs
+from quito_cli.cli.reports import (
+    BaselineFile,
+    Html,
+    Junit,
+    Markdown,
+    Plots,
+    UpdateBaseline,
+    Wanted,
+)
 from quito_cli.cli.solve import INTERRUPTED
 from quito_cli.errors import UsageError
 from quito_cli.solve import Options
 
 if TYPE_CHECKING:
     from quito_cli.batch.case import Finished
+    from quito_cli.batch.report import Report
     from quito_cli.batch.run import Setting
     from quito_cli.batch.suite import Suite
     from quito_cli.cli.live import Live
@@ -41,6 +53,7 @@ def batch(
         int | None,
         typer.Option("-j", "--jobs", help="Cases at once. [default: as many as processors]"),
     ] = None,
+    cluster: Cluster = None,
     output: Annotated[
         Path, typer.Option("-o", "--output", help="Folder for results and the journal.")
     ] = Path("results"),
@@ -70,6 +83,12 @@ def batch(
     fail_fast: Annotated[
         bool, typer.Option("--fail-fast", help="Stop at the first case that does not pass.")
     ] = False,
+    sweeps: Annotated[
+        bool,
+        typer.Option(
+            "--sweeps", help="Write an HDF5 and pictures of each sweep and matrix of the suite."
+        ),
+    ] = False,
     listed: Annotated[bool, typer.Option("--list", help="Show the cases, and solve none.")] = False,
     steps: Steps = None,
     variance: Annotated[
@@ -93,6 +112,12 @@ def batch(
         str | None, typer.Option(help=f"One of `quito solvers`. [default: {Options.solver}]")
     ] = None,
     settings: Settings = None,
+    baseline: BaselineFile = None,
+    update_baseline: UpdateBaseline = False,
+    junit: Junit = None,
+    markdown: Markdown = None,
+    html: Html = None,
+    plots: Plots = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object, and nothing else.")
     ] = False,
@@ -108,9 +133,10 @@ def batch(
 
     Options of the solves are for problem files: a suite says its own.
 
-    Exit codes: 0 all as expected, 3 something outside its tolerance, 1 something did not solve, 2 a
-    wrong suite or a case that was refused, 130 interrupted.
+    Exit codes: 0 all as expected, 3 something outside its tolerance or worse than the baseline, 1
+    something did not solve, 2 a wrong suite or a case that was refused, 130 interrupted.
     """
+    from quito_cli.batch.holding import report_of
     from quito_cli.batch.recorded import limited
     from quito_cli.batch.run import Setting, available
     from quito_cli.batch.suite import gather, selected
@@ -128,8 +154,11 @@ def batch(
         "solver": solver,
     }
     given = {name: value for name, value in options.items() if value is not None}
+    wanted = Wanted(baseline, update_baseline, junit, markdown, html, plots)
     check_folder(output)
-    _check(jobs, keep)
+    _check(keep)
+    check_jobs(jobs, cluster)
+    wanted.check(keep)
     suite = gather(targets, given, parse_settings(settings or [], "--set"))
     suite = limited(selected(suite, only or []), time_limit, memory_limit)
     if listed:
@@ -139,17 +168,29 @@ def batch(
         return
     from quito_cli.cli.live import Live
 
+    workers = jobs or available()
+    holding = wanted.prepare(min(workers, len(suite.cases)))
+    record = holding.baseline.costly if holding else ()
     live = Live(len(suite.cases), silent=as_json, quiet=quiet, verbose=verbose)
-    setting = Setting(jobs or available(), output, keep, suite.limits)  # type: ignore[arg-type]
+    setting = Setting(
+        *(workers, output, keep, suite.limits, record),  # type: ignore[arg-type]
+        cluster=cluster,
+    )
+    began = time.perf_counter()
     finished, interrupted = _run(suite, setting, live, resume=resume, fail_fast=fail_fast)
-    _report(suite, finished, setting, as_json=as_json, quiet=quiet, verbose=verbose)
-    _leave(suite, finished, interrupted)
+    seconds = time.perf_counter() - began
+    report = report_of(suite, finished, seconds, holding, whole=not only)
+    files = wanted.write(report)
+    _report(report, output, files, as_json=as_json, quiet=quiet, verbose=verbose)
+    if sweeps:
+        _write_sweeps(suite, finished, output, quiet=quiet or as_json)
+    if update_baseline and not report.recorded:
+        typer.echo(f"{baseline} is as it was: the run stopped before its end.", err=True)
+    _leave(report, interrupted)
 
 
-def _check(jobs: int | None, keep: str) -> None:
+def _check(keep: str) -> None:
     """Refuse what means nothing."""
-    if jobs is not None and jobs < 1:
-        raise UsageError(f"jobs: a number from 1 on is expected, got {jobs}")
     if keep not in _KEEPS:
         raise UsageError(f"keep: expected {', '.join(_KEEPS[:-1])} or {_KEEPS[-1]}, got {keep!r}")
 
@@ -180,31 +221,50 @@ def _run(
 
 
 def _report(
-    suite: Suite,
-    finished: tuple[Finished, ...],
-    setting: Setting,
+    report: Report,
+    folder: Path,
+    files: tuple[Path, ...],
     *,
     as_json: bool,
     quiet: bool,
     verbose: bool,
 ) -> None:
-    """Say what became of the cases, in every form that was asked for."""
-    from quito_cli.cli.cases import print_json, print_summary
+    """Say what became of the cases."""
+    from quito_cli.cli.cases import print_differences, print_json, print_summary
 
     if as_json:
-        print_json(suite, finished)
-    elif not quiet:
-        print_summary(suite, finished, setting.folder, verbose=verbose)
+        print_json(report)
+        return
+    print_differences(report, quiet=quiet)
+    if not quiet:
+        print_summary(report, folder, verbose=verbose)
+    if not quiet and files:
+        typer.echo(f"Saved {', '.join(map(str, files))}")
 
 
-def _leave(suite: Suite, finished: tuple[Finished, ...], interrupted: bool) -> None:
+def _write_sweeps(
+    suite: Suite, finished: tuple[Finished, ...], folder: Path, *, quiet: bool
+) -> None:
+    """Write and draw the grids of a suite."""
+    from quito_cli.batch.dataset import save
+    from quito_cli.batch.sweep import collected
+    from quito_cli.batch.sweeping import SHOWN, SUFFIX, grids
+    from quito_cli.plots.sweep import draw_all
+
+    for grid in grids(suite):
+        swept = collected(grid, finished)
+        path = folder / f"{grid.name}{SUFFIX}.h5"
+        save(swept, path)
+        drawn = draw_all(swept, SHOWN, folder, "png")
+        if not quiet:
+            typer.echo(f"Saved {', '.join(map(str, (path, *drawn)))}")
+
+
+def _leave(report: Report, interrupted: bool) -> None:
     """Exit with what the run came to."""
-    from quito_cli.batch.recorded import exit_code
-
     if interrupted:
-        begun = f"{len(finished)} of {len(suite.cases)} cases"
+        begun = f"{len(report.finished)} of {report.cases} cases"
         typer.echo(f"Interrupted; {begun} had begun: --resume goes on.", err=True)
         raise typer.Exit(INTERRUPTED)
-    code = exit_code(finished)
-    if code:
-        raise typer.Exit(code)
+    if report.exit_code:
+        raise typer.Exit(report.exit_code)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -13,13 +13,11 @@ from quito_cli.cli.text import columns, plain
 from quito_cli.summary.dictionary import finite
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from quito_cli.batch.case import Case, Finished
+    from quito_cli.batch.report import Report
     from quito_cli.batch.suite import Suite
 
-_FIGURES = ("cost", "iterations", "cells", "violation", "ringing")
-"""Of the table."""
+_MOST = 40
+"""Differences from a baseline that are shown."""
 _FEW = 30
 """Cases of which those that did not pass need not be shown again."""
 
@@ -27,7 +25,9 @@ _FEW = 30
 def print_cases(suite: Suite, *, as_json: bool) -> None:
     """Print the cases of a suite."""
     if as_json:
-        cases = [_as_data(case) for case in suite.cases]
+        from quito_cli.batch.dictionary import of_case
+
+        cases = [of_case(case) for case in suite.cases]
         typer.echo(json.dumps({"suite": suite.name, "cases": cases}, ensure_ascii=False))
         return
     rows = [
@@ -44,84 +44,56 @@ def print_cases(suite: Suite, *, as_json: bool) -> None:
     typer.echo(columns([["case", "problem", "options", "checks"], *rows], indent="", header=True))
 
 
-def print_json(suite: Suite, finished: Sequence[Finished]) -> None:
+def print_json(report: Report) -> None:
     """Print what became of the cases, as one JSON object."""
-    from quito_cli.batch.journal import as_data
-    from quito_cli.batch.recorded import counted, exit_code
+    from quito_cli.batch.dictionary import as_dictionary
 
-    said = {
-        "suite": suite.name,
-        "title": suite.title,
-        "exit_code": exit_code(finished),
-        "counts": {ending.name.lower(): count for ending, count in counted(finished).items()},
-        "not_begun": len(suite.cases) - len(finished),
-        "cases": [
-            {
-                **as_data(one),
-                "ending": one.ending.name.lower(),
-                "result": None if one.result is None else str(one.result),
-                **_as_data(one.case),
-            }
-            for one in finished
-        ],
-    }
-    typer.echo(json.dumps(finite(said), ensure_ascii=False))
+    typer.echo(json.dumps(finite(as_dictionary(report)), ensure_ascii=False))
 
 
-def print_summary(
-    suite: Suite, finished: Sequence[Finished], folder: Path, *, verbose: bool
-) -> None:
+def print_summary(report: Report, folder: Path, *, verbose: bool) -> None:
     """Print how many cases ended how, and again those that did not pass where they are far up."""
-    from quito_cli.batch.recorded import counted, exit_code
-
-    failed = [one for one in finished if one.ending.exit_code]
-    if len(finished) > _FEW and failed and not verbose:
+    failed = [one for one in report.finished if one.ending.exit_code]
+    if len(report.finished) > _FEW and failed and not verbose:
         typer.echo("")
         for one in failed:
             typer.echo("\n".join(lines_of(one, every_check=False)))
     if verbose:
-        typer.echo(f"\n{_table(finished)}")
+        typer.echo(f"\n{_table(report)}")
     counts = [
         f"{count} {ending.name.lower().replace('_', ' ')}"
-        for ending, count in counted(finished).items()
+        for ending, count in report.counts.items()
     ]
-    left = len(suite.cases) - len(finished)
+    gone = len(report.gone)
+    worse = len(report.failing) - gone
+    counts += [f"{worse} worse than the baseline"] if worse else []
+    counts += [f"{gone} missing"] if gone else []
+    left = report.cases - len(report.finished)
     counts += [f"{left} not begun"] if left else []
-    verdict = f"{suite.name}: {', '.join(counts) or 'no cases'}"
-    colour = COLOURS.get(exit_code(finished), "red")
+    verdict = f"{report.suite}: {', '.join(counts) or 'no cases'}"
+    colour = COLOURS.get(report.exit_code, "red")
     typer.echo(f"\n{typer.style(plain(verdict), fg=colour, bold=True)}   in {folder}")
 
 
-def _table(finished: Sequence[Finished]) -> str:
-    rows = [
-        [
-            one.case.name,
-            one.ending.name.lower().replace("_", " "),
-            *(_figure(one.figures.get(name)) for name in _FIGURES),
-            f"{one.seconds:.2f}",
-        ]
-        for one in finished
-    ]
-    return columns([["case", "ended", *_FIGURES, "seconds"], *rows], indent="", header=True)
+def print_differences(report: Report, *, quiet: bool) -> None:
+    """Print how a run differs from its baseline; in quiet, only what is for the worse."""
+    from quito_cli.batch.table import DIFFERENCES, differences
+
+    if report.baseline is None:
+        return
+    rows = [row for row in differences(report) if not quiet or row[0] in ("worse", "missing")]
+    if rows:
+        typer.echo(f"\n{columns([DIFFERENCES, *rows[:_MOST]], indent='', header=True)}")
+    if len(rows) > _MOST:
+        typer.echo(f"... and {len(rows) - _MOST} more; --json has them all")
+    if not quiet or rows:
+        typer.echo(f"\n{report.against} ({report.baseline})")
 
 
-def _figure(value: Any) -> str:
-    if value is None:
-        return "-"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+def _table(report: Report) -> str:
+    from quito_cli.batch.table import table
 
-
-def _as_data(case: Case) -> dict[str, Any]:
-    """Return what a case is, for programs."""
-    return {
-        "case": case.name,
-        "problem": case.problem,
-        "options": dict(case.options),
-        "set": dict(case.constants),
-        "axes": dict(case.axes),
-        "follows": case.follows,
-        "expect": [
-            {key: value for key, value in vars(one).items() if value is not None}
-            for one in case.expectations
-        ],
-    }
+    made = table(report)
+    head = ["case", "ended", *(column.heading for column in made.columns), "time"]
+    rows = [[row.name, row.result, *row.cells, row.seconds] for row in made.rows]
+    return columns([head, *rows], indent="", header=True)

@@ -49,3 +49,50 @@ Settings = Annotated[
         help="Set a constant, or a value by its path (states.x1.upper=2); may be repeated.",
     ),
 ]
+Variance = Annotated[
+    float | None,
+    typer.Option(
+        help=f"Shape parameter D of the generating function. [default: {Options.variance:g}]"
+    ),
+]
+Control = Annotated[
+    str | None,
+    typer.Option(
+        help="quasi-interpolant, piecewise-constant or piecewise-linear. "
+        f"[default: {Options.control}]"
+    ),
+]
+Discretization = Annotated[
+    str | None,
+    typer.Option(
+        help="euler, trapezoidal, rk4, hermite-simpson or radau; or lgr, collocation. "
+        f"[default: {Options.discretization}]"
+    ),
+]
+Degree = Annotated[
+    int | None,
+    typer.Option(
+        help=f"With lgr: degree of the polynomials in each cell. [default: {Options.degree}]"
+    ),
+]
+Mesh = Annotated[
+    str | None,
+    typer.Option(
+        help="uniform, or adaptive: cells that follow the control, small at its jumps and "
+        f"kinks. [default: {Options.mesh}]"
+    ),
+]
+Solver = Annotated[
+    str | None,
+    typer.Option(
+        help="One of `quito solvers`, or auto: a quadratic program's own solver where it is "
+        f"one. [default: {Options.solver}]"
+    ),
+]
+Cluster = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="A Dask scheduler, such as tcp://head-node:8786, whose workers solve the cases.",
+    ),
+]

@@ -1,4 +1,4 @@
-"""Where a command writes and in which format: options that several commands share."""
+"""Where a command writes, in which format, and with how many jobs: what several commands share."""
 
 from __future__ import annotations
 
@@ -39,9 +39,36 @@ def check_folder(output: Path) -> None:
             f"-o names a folder, and {output} looks like a file; the files in it are named after "
             "the problem"
         )
-    folders = (output, *output.absolute().parents)
-    nearest = next(folder for folder in folders if os.path.lexists(folder))
+    _check_writable(output, f"the output folder {output}")
+
+
+def check_file(path: Path) -> None:
+    """Refuse a file that cannot be written, before the work that it is to tell of.
+
+    Raises:
+        UsageError: it is a folder, or its folder cannot be made, or not be written to.
+    """
+    if path.is_dir():
+        raise UsageError(f"{path} is a folder: name a file in it")
+    _check_writable(path.parent, str(path))
+
+
+def _check_writable(folder: Path, what: str) -> None:
+    folders = (folder, *folder.absolute().parents)
+    nearest = next(one for one in folders if os.path.lexists(one))
     if not nearest.is_dir():
-        raise UsageError(f"the output folder {output} cannot be made: {nearest} is not a folder")
+        raise UsageError(f"{what} cannot be made: {nearest} is not a folder")
     if not os.access(nearest, os.W_OK | os.X_OK):
-        raise UsageError(f"the output folder {output} cannot be written: no permission")
+        raise UsageError(f"{what} cannot be written: no permission")
+
+
+def check_jobs(jobs: int | None, cluster: str | None) -> None:
+    """Refuse a number of jobs that is none, or that is said of a cluster.
+
+    Raises:
+        UsageError: it is so.
+    """
+    if jobs is not None and jobs < 1:
+        raise UsageError(f"jobs: a number from 1 on is expected, got {jobs}")
+    if cluster is not None and jobs is not None:
+        raise UsageError("--jobs is of this machine, and a cluster has its own: leave it out")

@@ -9,13 +9,19 @@ from typing import Annotated, Any
 import typer
 
 from quito_cli.cli.options import (
+    Control,
+    Degree,
+    Discretization,
     GeneratingFunction,
     MaxIterations,
+    Mesh,
     Polish,
     Settings,
+    Solver,
     Steps,
     Substeps,
     Tolerance,
+    Variance,
 )
 from quito_cli.cli.output import Picture, check_folder, check_picture
 from quito_cli.errors import UsageError
@@ -28,12 +34,7 @@ INTERRUPTED = 130
 def solve(
     problem: Annotated[str, typer.Argument(help="A problem file, or the name of a bundled one.")],
     steps: Steps = None,
-    variance: Annotated[
-        float | None,
-        typer.Option(
-            help=f"Shape parameter D of the generating function. [default: {Options.variance:g}]"
-        ),
-    ] = None,
+    variance: Variance = None,
     generating_function: GeneratingFunction = None,
     normalised: Annotated[
         bool | None,
@@ -44,34 +45,11 @@ def solve(
             show_default=False,
         ),
     ] = None,
-    control: Annotated[
-        str | None,
-        typer.Option(
-            help="quasi-interpolant, piecewise-constant or piecewise-linear. "
-            f"[default: {Options.control}]"
-        ),
-    ] = None,
-    discretization: Annotated[
-        str | None,
-        typer.Option(
-            help="euler, trapezoidal, rk4, hermite-simpson or radau; or lgr, collocation. "
-            f"[default: {Options.discretization}]"
-        ),
-    ] = None,
+    control: Control = None,
+    discretization: Discretization = None,
     substeps: Substeps = None,
-    degree: Annotated[
-        int | None,
-        typer.Option(
-            help=f"With lgr: degree of the polynomials in each cell. [default: {Options.degree}]"
-        ),
-    ] = None,
-    mesh: Annotated[
-        str | None,
-        typer.Option(
-            help="uniform, or adaptive: cells that follow the control, small at its jumps and "
-            f"kinks. [default: {Options.mesh}]"
-        ),
-    ] = None,
+    degree: Degree = None,
+    mesh: Mesh = None,
     mesh_steps: Annotated[
         int | None,
         typer.Option(
@@ -106,13 +84,7 @@ def solve(
     ] = False,
     tolerance: Tolerance = None,
     max_iterations: MaxIterations = None,
-    solver: Annotated[
-        str | None,
-        typer.Option(
-            help="One of `quito solvers`, or auto: a quadratic program's own solver where it is "
-            f"one. [default: {Options.solver}]"
-        ),
-    ] = None,
+    solver: Solver = None,
     objective_scale: Annotated[
         float | None,
         typer.Option(help="Factor of the cost in the solver. [default: by the cost's size]"),

@@ -18,7 +18,7 @@ import numpy as np
 
 from quito_cli.plots.error_panels import logarithmic, magnified, on_the_whole, spectrum
 from quito_cli.plots.figure import write
-from quito_cli.plots.layout import balanced, places
+from quito_cli.plots.layout import balanced, legend_columns, places
 from quito_cli.plots.palette import BOUND, COLOURS, plain
 from quito_cli.plots.panels import Panel, Trace, controls, shortened, states
 
@@ -156,7 +156,7 @@ def figure(comparison: Comparison, name: str) -> Figure | None:
         return None
     panels = [panel for row in rows for panel in row]
     entries = _entries(comparison, panels)
-    columns = _legend_columns(list(entries), kind.width)
+    columns = legend_columns(list(entries), kind.width)
     legend = 0.22 * math.ceil(len(entries) / columns)
     size = kind.width, 0.8 + legend + kind.height * len(rows)
     drawn = Figure(figsize=size, layout="constrained")
@@ -259,14 +259,6 @@ def _entries(comparison: Comparison, panels: Sequence[Panel]) -> dict[str, Artis
     if any(panel.zones for panel in panels):
         entries["jump zones"] = Patch(**_ZONE)
     return entries
-
-
-def _legend_columns(names: Sequence[str], width: float) -> int:
-    """Return how many names stand beside each other, in rows as full as each other."""
-    longest = max(map(len, names))
-    fit = max(1, int(width / (0.085 * longest + 0.75)))
-    lines = math.ceil(len(names) / fit)
-    return math.ceil(len(names) / lines)
 
 
 def draw_all(comparison: Comparison, folder: Path, ending: str) -> tuple[Path, ...]:

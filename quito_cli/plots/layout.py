@@ -55,3 +55,16 @@ def places(
         width = units // len(row)
         for j, item in enumerate(row):
             yield i, j, item, grid[i, j * width : (j + 1) * width]
+
+
+def legend_columns(names: Sequence[str], width: float) -> int:
+    """Return how many names of a legend stand beside each other, in rows as full as each other.
+
+    Args:
+        names: one at least.
+        width: of the figure, in inches.
+    """
+    longest = max(map(len, names))
+    fit = max(1, int(width / (0.085 * longest + 0.75)))
+    lines = math.ceil(len(names) / fit)
+    return math.ceil(len(names) / lines)

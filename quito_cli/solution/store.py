@@ -46,6 +46,8 @@ from quito_cli.solution.writing import write as write_to
 if TYPE_CHECKING:
     import h5py
 
+SWEEP = "quito sweep"
+"""Format of a file over many results, by `quito_cli.batch.dataset`."""
 DAMAGED = (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError)
 """What h5py and numpy raise for a file whose bytes or layout are not what they should be."""
 
@@ -105,6 +107,10 @@ def is_result(path: Path) -> bool:
 
 
 def _check_format(file: h5py.File, path: Path) -> None:
+    if file.attrs.get("format") == SWEEP:
+        raise ResultFileError(
+            f"{path} is a sweep: the result of each of its cases is a file in the folder beside it"
+        )
     if file.attrs.get("format") != FORMAT:
         raise ResultFileError(f"{path} is an HDF5 file, but no result of quito")
     version = int(file.attrs["format_version"])

@@ -1,6 +1,6 @@
 """Least squares of a chain: unknowns that are linked each to the next, and to some that all share.
 
-    minimise Σ_a |A_a y_a + G_a g − r_a|² + Σ_a |B_a y_a + C_a y_{a+1} + H_a g − s_a|²
+    minimise Σ_a |A_a y_a + G_a g − r_a|² + Σ_a |y_{a+1} − B_a y_a − H_a g − s_a|²
 
 over y_0 … y_K and g. Node by node the rows that speak of y_a are triangularised by Householder's
 reflections; what is left speaks of y_{a+1} and g and is carried on. Rotations do not mind modes
@@ -11,6 +11,7 @@ singular values, which tell what the rows leave open.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,18 +25,35 @@ RANK = 1e-13
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Rows of one node, or of one link to the next node."""
+    """A_a y_a + G_a g = r_a: rows of one node."""
 
     here: Array
-    """(rows, n): in y_a."""
-    there: Array | None
-    """(rows, n): in y_{a+1}; None of a node's own rows."""
+    """A_a, (rows, n)."""
     shared: Array
-    """(rows, m): in g."""
+    """G_a, (rows, m)."""
     right: Array
-    """(rows,)."""
-    norms: Array | None = None
-    """(rows,) that they were divided by; None where they were not."""
+    """r_a, (rows,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Links:
+    """y_{a+1} = B_a y_a + H_a g + s_a: links of K + 1 nodes."""
+
+    matrix: Array
+    """B, (K, n, n)."""
+    shared: Array
+    """H, (K, n, m)."""
+    right: Array
+    """s, (K, n)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """All rows."""
+
+    own: Sequence[Rows]
+    """By node."""
+    links: Links
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,58 +70,53 @@ class Found:
     """(m,) how the shared unknowns move where the rows say least."""
 
 
-def solved(nodes: list[list[Rows]], size: int, shared: int, damping: float = 0.0) -> Found:
-    """Solve a chain.
+def solved(chain: Chain) -> Found:
+    """Solve a chain by orthogonal elimination."""
+    links = chain.links
+    count, n, m = links.shared.shape
+    # Columns: y_a, y_{a+1}, g, right-hand side.
+    linking = np.concatenate(
+        [
+            -links.matrix,
+            np.tile(np.eye(n), (count, 1, 1)),
+            -links.shared,
+            links.right[..., None],
+        ],
+        axis=2,
+    )
+    tops = np.empty((count, n, 2 * n + m + 1))
+    carried = np.zeros((0, n + m + 1))
+    for a in range(count):
+        known = _known(carried, chain.own[a])
+        wide = np.zeros((len(known), 2 * n + m + 1))
+        wide[:, :n], wide[:, 2 * n :] = known[:, :n], known[:, n:]
+        triangle = np.asarray(np.linalg.qr(np.vstack([wide, linking[a]]), mode="r"))
+        tops[a], carried = triangle[:n], triangle[n:, n:]
+    last, values, weakest = _last(_known(carried, chain.own[-1]))
+    nodes, g = np.empty((count + 1, n)), last[n:]
+    nodes[-1] = last[:n]
+    following = np.linalg.solve(tops[..., :n], tops[..., n:])
+    constant = following[..., -1] - following[..., n:-1] @ g
+    for a in reversed(range(count)):
+        nodes[a] = constant[a] - following[a, :, :n] @ nodes[a + 1]
+    return Found(nodes, g, values, weakest[n:])
 
-    Args:
-        nodes: for each node its rows; the one with `there` links it to the next.
-        size: n.
-        shared: m.
-        damping: weight of rows that keep all unknowns small.
-    """
-    carried = np.zeros((0, size + shared + 1))
-    if damping:
-        carried = _damped(damping, size, shared)
-    tops: list[Array] = []
-    for own in nodes[:-1]:
-        stacked = _stacked(carried, own, size, shared)
-        triangle = np.asarray(np.linalg.qr(stacked, mode="r"))
-        tops.append(triangle[:size])
-        carried = triangle[size:, size:]
-        if damping:
-            more = np.zeros((size, carried.shape[1]))
-            more[:, :size] = damping * np.eye(size)
-            carried = np.vstack([carried, more])
-    last = _stacked(carried, nodes[-1], size, shared)
-    matrix = np.hstack([last[:, :size], last[:, 2 * size : -1]])
+
+def _known(carried: Array, own: Rows) -> Array:
+    """Return what is known of a node, over columns y_a, g and the right-hand side."""
+    return np.vstack([carried, np.hstack([own.here, own.shared, own.right[:, None]])])
+
+
+def _last(known: Array) -> tuple[Array, Array, Array]:
+    """Return the solution of the last system, its singular values, and its weakest direction."""
+    rows, columns = len(known), known.shape[1] - 1
+    if rows < columns:  # what no row speaks of has a singular value of zero
+        known = np.vstack([known, np.zeros((columns - rows, columns + 1))])
+    matrix = known[:, :-1]
     lengths = np.linalg.norm(matrix, axis=0)
     lengths[lengths == 0] = 1.0
     left, values, right = np.linalg.svd(matrix / lengths, full_matrices=False)
     kept = values > RANK * values[0]
     inverse = np.where(kept, 1 / np.where(kept, values, 1.0), 0.0)
-    end = right.T @ (inverse * (left.T @ last[:, -1])) / lengths
-    found, g = [end[:size]], end[size:]
-    for top in reversed(tops):
-        known = top[:, -1] - top[:, size : 2 * size] @ found[-1] - top[:, 2 * size : -1] @ g
-        found.append(np.linalg.lstsq(top[:, :size], known, rcond=None)[0])
-    return Found(np.array(found[::-1]), g, values, right[-1, size:] / lengths[size:])
-
-
-def _stacked(carried: Array, own: list[Rows], size: int, shared: int) -> Array:
-    """Return rows over columns y_a, y_{a+1}, g and the right-hand side."""
-    gap = np.zeros((len(carried), size))
-    parts = [np.hstack([carried[:, :size], gap, carried[:, size:]])]
-    for rows in own:
-        there = np.zeros_like(rows.here) if rows.there is None else rows.there
-        parts.append(np.hstack([rows.here, there, rows.shared, rows.right[:, None]]))
-    stacked = np.vstack(parts)
-    least = 2 * size + shared + 1
-    if len(stacked) < least:  # so that there is a row for every column
-        stacked = np.vstack([stacked, np.zeros((least - len(stacked), least))])
-    return stacked
-
-
-def _damped(damping: float, size: int, shared: int) -> Array:
-    rows = np.zeros((size + shared, size + shared + 1))
-    rows[:, :-1] = damping * np.eye(size + shared)
-    return rows
+    found = right.T @ (inverse * (left.T @ known[:, -1])) / lengths
+    return found, values, right[-1] / lengths

@@ -60,7 +60,7 @@ class Ends:
         """
         import casadi as ca
 
-        m, T = self.system.model, self.conditions
+        m, conditions = self.system.model, self.conditions
         n, integrals = m.n_x, self.system.integrals
         x0, l0, xf, lf = (ca.SX.sym(name, n) for name in ("x0", "l0", "xf", "lf"))
         w = ca.SX.sym("w", integrals + m.n_p)
@@ -69,7 +69,7 @@ class Ends:
         omega = ca.SX.sym("omega", len(self.boundary))
         e = ca.vertcat(x0, l0, xf, lf, w, t0, tf, p, nu, omega, h0, hf)
         inputs = [x0, t0, xf, tf, p, l0, lf, h0, hf, w[integrals:], omega]
-        initial, final, at_t0, at_tf, by_p = T.residuals.call(inputs)
+        initial, final, at_t0, at_tf, by_p = conditions.residuals.call(inputs)
         values = ca.vertcat(
             _chosen(self.initial, x0, initial),
             _chosen(self.final, xf, final),

@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from quito_cli.optimality.polish.chain import solved
+from quito_cli.optimality.polish.dense import Dense
 from quito_cli.optimality.polish.newton import Scales, linear
 from quito_cli.optimality.polish.structure import Kind, Phase
 from quito_cli.optimality.polish.system import System
@@ -24,38 +25,36 @@ OPEN = 1e-7
 """Smallest singular value, over what it is without the arc, of equations that leave it open."""
 
 
-def focal_point(system: System, at: Unknowns, scales: Scales) -> str:
+def focal_point(dense: Dense, scales: Scales) -> str:
     """Say that an extremal is degenerate; empty where it is not, or is not singular at first."""
-    before = linear(system, at, scales)
-    least = solved(before, system.size, system.layout.count).singular_values
-    first = system.structure.phases[0]
+    system, first = dense.system, dense.system.structure.phases[0]
+    if "singular" not in first.kinds:
+        return ""
+    least = _condition(dense, scales)
     bounds = system.setting.system.model.control_bounds
-    for i, kind in enumerate(first.kinds):
-        if kind != "singular":
-            continue
-        sides: tuple[tuple[Kind, float], ...] = (
-            ("lower", bounds.lower[i]),
-            ("upper", bounds.upper[i]),
-        )
-        for side, bound in sides:
+    for i in (i for i, kind in enumerate(first.kinds) if kind == "singular"):
+        sides: dict[Kind, float] = {"lower": bounds.lower[i], "upper": bounds.upper[i]}
+        for side, bound in sides.items():
             if not np.isfinite(bound):
                 continue
             phase = Phase((*first.kinds[:i], side, *first.kinds[i + 1 :]), first.held)
-            longer, start = _preceded(system, at, phase)
-            rows = linear(longer, start, _longer(scales, system, longer))
-            values = solved(rows, longer.size, longer.layout.count).singular_values
-            if values[-1] / values[0] < OPEN * least[-1] / least[0]:
-                name = system.setting.name(i)
+            if _condition(_preceded(dense, phase), _longer(scales, system)) < OPEN * least:
                 return (
-                    f"an arc of {name} at its {side} bound may come first, and nothing determines "
-                    "its length: the final time is a focal point"
+                    f"an arc of {system.setting.name(i)} at its {side} bound may come first, and "
+                    "nothing determines its length: the final time is a focal point"
                 )
     return ""
 
 
-def _preceded(system: System, at: Unknowns, phase: Phase) -> tuple[System, Unknowns]:
-    """Return the system with a phase of no length before the first, and where it holds."""
-    structure = system.structure
+def _condition(dense: Dense, scales: Scales) -> float:
+    """Return the smallest singular value of what is left of the equations, over the largest."""
+    values = solved(linear(dense.system, dense.at, scales)).singular_values
+    return float(values[-1] / values[0])
+
+
+def _preceded(dense: Dense, phase: Phase) -> Dense:
+    """Return an extremal with a phase of no length before its first."""
+    system, structure, first = dense.system, dense.system.structure, dense.at.phases[0]
     longer = replace(
         structure,
         phases=(phase, *structure.phases),
@@ -64,26 +63,25 @@ def _preceded(system: System, at: Unknowns, phase: Phase) -> tuple[System, Unkno
         points=tuple((k + 1, point) for k, point in structure.points),
     )
     made = System(system.setting, longer, system.ends, system.method)
-    first, two = at.phases[0], 2 * system.layout.states
-    stages = np.tile(first.nodes[0][:two], (1, len(system.method.points), 1))
-    law, count = made.laws[0], len(system.laws[0].between)
+    law, old = made.laws[0], system.laws[0]
     # The singular control is gone from z; the others stand as they are.
-    kept = [j for j, i in enumerate(system.laws[0].between) if i in law.between]
-    kept += list(range(count, len(first.first)))
-    z = first.first[kept]
-    inner = np.tile(z, (1, len(system.method.points), 1))
-    empty = Segments(np.array([0.0, 1.0]), np.tile(first.nodes[0], (2, 1)), stages, inner, z, z)
-    old, new = system.layout, made.layout
-    g = np.zeros(new.count)
-    for name in old.sizes:
-        if name != "T":
-            g[new.place(name)] = at.shared[old.place(name)]
-    times = at.shared[old.place("T")]
-    g[new.place("T")] = np.concatenate([times[:1], times])
-    return made, Unknowns((empty, *at.phases), g)
+    kept = [j for j, i in enumerate(old.between) if i in law.between]
+    z = first.first[[*kept, *range(len(old.between), len(first.first))]]
+    count, y = len(system.method.points), first.nodes[0]
+    empty = Segments(
+        np.array([0.0, 1.0]),
+        np.tile(y, (2, 1)),
+        np.tile(y[: 2 * system.layout.states], (1, count, 1)),
+        np.tile(z, (1, count, 1)),
+        z,
+        z,
+    )
+    place = system.layout.time(0)
+    g = np.insert(dense.at.shared, place, dense.at.shared[place])
+    return Dense(made, Unknowns((empty, *dense.at.phases), g))
 
 
-def _longer(scales: Scales, system: System, longer: System) -> Scales:
+def _longer(scales: Scales, system: System) -> Scales:
     """Return scales with one for the time more."""
-    place = system.layout.place("T").start
+    place = system.layout.time(0)
     return Scales(scales.nodes, np.insert(scales.shared, place, scales.shared[place]))

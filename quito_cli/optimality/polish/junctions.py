@@ -52,7 +52,12 @@ class Jump:
     """The state constraint; None of a point constraint."""
     point: int | None
     values: ca.SX
-    """(columns, 1): what multiplies; S, S', … or the rows of the point constraint."""
+    """(count, 1): what multiplies; S, S', … or the rows of the point constraint."""
+
+    @property
+    def count(self) -> int:
+        """How many multipliers it has."""
+        return int(self.values.numel())
 
 
 def conditions(setting: Setting, structure: Structure, k: int) -> list[Condition]:

@@ -13,17 +13,19 @@ y = (x, λ), and with t, p, ν, by the implicit function: G_z dz = −G_y dy.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.optimality.polish.setting import Setting
+from quito_cli.optimality.polish.pointwise import evaluated, solved
 from quito_cli.optimality.polish.structure import Phase
 
 if TYPE_CHECKING:
     import casadi as ca
+
+    from quito_cli.optimality.polish.setting import Setting
 
 Array = NDArray[np.float64]
 
@@ -31,6 +33,20 @@ PASSES = 25
 """Newton's steps for z: it follows from one iteration to the next, and few are needed."""
 SETTLED = 1e-13
 """Relative change of z below which it is found."""
+STALLED = 1e-9
+"""Change below which rounding may keep it from falling."""
+NEARLY = 1e-7
+"""Change above which z is not found, when steps are used up."""
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """The law's z at points."""
+
+    z: Array
+    """(n, n_z)."""
+    by_v: Array
+    """(n, n_z, n_v): its derivatives."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,21 +117,25 @@ class Law:
         """G(z, v), (n_z, 1)."""
         import casadi as ca
 
-        system, kinds = self.setting.system, self.phase.kinds
-        found = []
-        arc = self.setting.singular(self.phase)
-        rows = (
-            {}
-            if arc is None
-            else dict(zip(arc.controls, _feedback(arc, system.model.u), strict=True))
-        )
-        for i in self.between:
-            if kinds[i] == "singular":
-                found.append(rows[i])
-            else:
-                found.append(ca.gradient(self.adjoined, system.model.u[i]))
+        u = self.setting.system.model.u
+        singular, slope = self._singular, ca.gradient(self.adjoined, u)
+        found = [singular[i] if i in singular else slope[i] for i in self.between]
         found += [self.setting.active(held).held for held in self.held]
-        return ca.densify(ca.vertcat(*found)) if found else ca.SX(0, 1)
+        return ca.densify(ca.vertcat(ca.SX(0, 1), *found))
+
+    @property
+    def _singular(self) -> dict[int, ca.SX]:
+        """A u + B, by singular control."""
+        import casadi as ca
+
+        arc = self.setting.singular(self.phase)
+        if arc is None:
+            return {}
+        assert arc.coefficient is not None, "a phase's singular arc has a feedback"
+        assert arc.remainder is not None, "a phase's singular arc has a feedback"
+        u = self.setting.system.model.u[list(arc.controls)]
+        rows = ca.vertsplit(arc.coefficient @ u + arc.remainder)
+        return dict(zip(arc.controls, rows, strict=True))
 
     @cached_property
     def flow(self) -> ca.SX:
@@ -159,85 +179,72 @@ class Law:
     def _flow(self) -> ca.Function:
         return self.compiled("flow", self.flow)
 
-    def settled(self, v: Array, z: Array) -> tuple[Array, Array]:
-        """Return z at points and its derivatives in v, from an estimate.
+    @cached_property
+    def energy(self) -> ca.Function:
+        """(v, z) ↦ H, its derivatives in v, in z."""
+        return self.compiled("H", self.setting.system.hamiltonian)
 
-        Args:
-            v: (n, n_v).
-            z: (n, n_z).
+    @property
+    def free(self) -> tuple[int, ...]:
+        """Controls that are neither at bounds nor singular."""
+        return tuple(i for i, kind in enumerate(self.phase.kinds) if kind == "free")
 
-        Returns:
-            (n, n_z) and (n, n_z, n_v); NaN where Newton's method does not settle.
+    @cached_property
+    def slopes(self) -> ca.Function:
+        """Pontryagin's arguments ↦ (H + ηᵀC)_u, (n_u, 1)."""
+        import casadi as ca
+
+        gradient = ca.gradient(self.adjoined, self.setting.system.model.u)
+        return self.setting.system.function("slopes", [ca.densify(gradient)])
+
+    @cached_property
+    def curvature(self) -> ca.Function:
+        """Pontryagin's arguments ↦ (H + ηᵀC)_uu and C_u among free controls."""
+        import casadi as ca
+
+        u, free = self.setting.system.model.u, list(self.free)
+        hessian = ca.jacobian(ca.gradient(self.adjoined, u), u)[free, free]
+        held = ca.vertcat(ca.SX(0, 1), *(self.setting.active(h).held for h in self.held))
+        normals = ca.jacobian(held, u)[:, free]
+        return self.setting.system.function("curvature", [hessian, normals])
+
+    @cached_property
+    def clebsch(self) -> ca.Function | None:
+        """Pontryagin's arguments ↦ (−1)^q A; None where no singular arc has an order."""
+        arc = self.setting.singular(self.phase)
+        if arc is None or arc.clebsch is None:
+            return None
+        return self.setting.system.function("clebsch", [arc.clebsch])
+
+    def settled(self, v: Array, z: Array) -> Settled:
+        """Return z at points (n, n_v) from an estimate (n, n_z).
+
+        NaN at all points where Newton's method does not settle at one.
         """
-        n, count = z.shape
-        if not count:
-            return z, np.zeros((n, 0, v.shape[1]))
         last = np.inf
         with np.errstate(all="ignore"):
             for _ in range(PASSES):
                 g, by_v, by_z = evaluated(self._equations, v, z)
-                step = _solved(by_z, g[:, :, None])[:, :, 0]
+                moved = solved(by_z, np.concatenate([g, by_v], axis=2))
+                step, slope = moved[..., 0], -moved[..., 1:]
                 z = z - step
                 size = float(np.max(np.abs(step) / (1 + np.abs(z)), initial=0.0))
-                if not np.isfinite(size) or size <= SETTLED or (size < 1e-9 and size >= last / 2):
+                stalls = size < STALLED and size >= last / 2
+                if size <= SETTLED or stalls or not np.isfinite(size):
                     break
                 last = size
-            if not size <= 1e-7:
-                return np.full_like(z, np.nan), np.full((n, count, v.shape[1]), np.nan)
-            _, by_v, by_z = evaluated(self._equations, v, z)
-            return z, -_solved(by_z, by_v)
+        if size > NEARLY or not np.isfinite(size):
+            return Settled(np.full_like(z, np.nan), np.full_like(slope, np.nan))
+        return Settled(z, slope)
 
     def values(self, v: Array, z: Array) -> Values:
         """Return the flow at points with its derivatives, (n, n_v) and an estimate of z."""
-        z, slope = self.settled(v, z)
-        rates, by_v, by_z = evaluated(self._flow, v, z)
-        return Values(z, rates, by_v + by_z @ slope)
+        found = self.settled(v, z)
+        rates, by_v, by_z = evaluated(self._flow, v, found.z)
+        return Values(found.z, rates[..., 0], by_v + by_z @ found.by_v)
 
     def controls(self, z: Array) -> Array:
         """Return all controls, (n, n_u), from z."""
         u = np.tile(self.bounds, (len(z), 1))
         u[:, list(self.between)] = z[:, : len(self.between)]
         return u
-
-
-def _feedback(arc: object, u: ca.SX) -> list[ca.SX]:
-    """Return A u + B of a singular arc, row by row."""
-    import casadi as ca
-
-    from quito_cli.optimality.singular import Singular
-
-    assert isinstance(arc, Singular)
-    assert arc.coefficient is not None
-    assert arc.remainder is not None
-    rows = arc.coefficient @ u[list(arc.controls)] + arc.remainder
-    return list(ca.vertsplit(rows))
-
-
-def _solved(matrix: Array, right: Array) -> Array:
-    """Solve at every point; NaN where the matrix is singular."""
-    try:
-        return np.asarray(np.linalg.solve(matrix, right))
-    except np.linalg.LinAlgError:
-        found = np.full(right.shape, np.nan)
-        for k in range(len(matrix)):
-            try:
-                found[k] = np.linalg.solve(matrix[k], right[k])
-            except np.linalg.LinAlgError:
-                continue
-        return found
-
-
-def evaluated(function: ca.Function, v: Array, z: Array) -> tuple[Array, Array, Array]:
-    """Evaluate a compiled function at n points: (n, r), (n, r, n_v), (n, r, n_z)."""
-    n, rows = len(v), function.size1_out(0)
-    value, by_v, by_z = mapped(function, n)(v.T, z.T)
-    parts = []
-    for part, columns in ((by_v, v.shape[1]), (by_z, z.shape[1])):
-        parts.append(np.array(part).reshape(rows, n, columns).transpose(1, 0, 2))
-    return np.array(value).reshape(rows, n).T, parts[0], parts[1]
-
-
-@lru_cache(maxsize=256)
-def mapped(function: ca.Function, n: int) -> ca.Function:
-    """Return a function over n points."""
-    return function.map(n)

@@ -8,144 +8,151 @@ an upper end.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.optimality.polish.law import evaluated
-from quito_cli.problem.model import labels
-
-if TYPE_CHECKING:
-    from quito_cli.optimality.polish.system import System
-    from quito_cli.optimality.polish.unknowns import Unknowns
+from quito_cli.optimality.polish.dense import Dense, Piece
+from quito_cli.optimality.polish.fault import SLIGHT, Fault
+from quito_cli.optimality.polish.flow import inputs
+from quito_cli.optimality.polish.pointwise import evaluated
+from quito_cli.problem.model import Bounds, Constraint, Instant, labels
 
 Array = NDArray[np.float64]
 
-SLIGHT = 1e-7
-"""Wrong by this much of its size is rounding."""
+LEAST = 1e-3
+"""Size that values have at least."""
 
 
-def limits(system: System, at: Unknowns) -> Iterator[tuple[str, float]]:
-    """Give what is wrong at the ends, in a sentence, and by how much."""
-    m, ends, g = system.setting.system.model, system.ends, at.shared
-    part = {name: g[system.layout.place(name)] for name in system.layout.sizes}
-    n = m.n_x
-    first, last = at.phases[0].nodes[0], at.phases[-1].nodes[-1]
-    integrals = last[2 * n : 2 * n + system.setting.system.integrals]
-    inputs = [part["x0"], part["T"][0], last[:n], part["T"][-1], part["p"]]
-    energies = part["e"][0], _energy(system, at)
-    by_p = last[2 * n + system.setting.system.integrals :]
-    slopes = [
-        np.array(v).ravel()
-        for v in ends.conditions.residuals.call(
-            [*inputs, part["l0"], last[n : 2 * n], *energies, by_p, part["omega"]]
-        )
-    ]
-    names = labels(m.states)
-    horizon = float(np.ptp(part["T"]))
-    x_size = np.maximum(np.abs(np.vstack([first[:n], last[:n]])).max(axis=0), 1e-3)
-    l_size = float(np.abs([first[n : 2 * n], last[n : 2 * n]]).max()) or 1.0
-    yield from _ranged(
-        [f"initial {v}" for v in names],
-        m.initial.lower,
-        m.initial.upper,
-        ends.initial,
-        part["x0"],
-        slopes[0],
-        x_size,
-        l_size,
-    )
-    yield from _ranged(
-        [f"final {v}" for v in names],
-        m.final.lower,
-        m.final.upper,
-        ends.final,
-        last[:n],
-        slopes[1],
-        x_size,
-        l_size,
-    )
-    power = max(abs(energies[0]), abs(energies[1]), 1e-3)
-    for name, instant, value, k in (
-        ("initial time", m.initial_time, ends.initial_time, 0),
-        ("final time", m.final_time, ends.final_time, -1),
-    ):
-        yield from _ranged(
-            [name],
-            np.array([instant.lower]),
-            np.array([instant.upper]),
-            np.array([value]),
-            part["T"][[k]],
-            slopes[2 if k == 0 else 3],
-            np.array([horizon]),
-            power,
-        )
-    yield from _ranged(
-        list(labels(m.parameters)),
-        m.parameter_bounds.lower,
-        m.parameter_bounds.upper,
-        ends.parameters,
-        part["p"],
-        slopes[4],
-        np.maximum(np.abs(part["p"]), 1e-3),
-        float(np.abs(slopes[4]).max(initial=1e-3)),
-    )
-    boundary = m.constraints.boundary
-    values = np.array(m.boundary_values(*inputs)[0]).ravel() if boundary else np.zeros(0)
-    groups = [
-        ("boundary", boundary, ends.boundary, values, part["omega"]),
-        ("integral", m.constraints.integral, ends.integrals, integrals, part["nu"]),
-    ]
-    for _, given, active, found, multipliers in groups:
-        if given:
-            names = tuple(label for c in given for label in c.labels)
-            lower, upper = (
-                np.concatenate([getattr(c.bounds, s) for c in given]) for s in ("lower", "upper")
-            )
-            size = np.maximum(np.abs(found), 1e-3)
-            yield from _ranged(
-                list(names),
-                lower,
-                upper,
-                active,
-                found,
-                -multipliers,
-                size,
-                float(np.abs(multipliers).max()) or 1.0,
-            )
+@dataclass(frozen=True, eq=False)
+class Range:
+    """Values with ranges, some of which hold at an end of theirs."""
+
+    names: tuple[str, ...]
+    bounds: Bounds
+    held: Array
+    """Bounds that hold; NaN where none does."""
+    value: Array
+    slope: Array
+    """Derivatives of the cost."""
+    size: Array
+    """Of values."""
+    slope_size: float
+
+    def wrong(self) -> Iterator[tuple[str, float]]:
+        """Give entries out of range, and those held at an end that the cost pulls away from it."""
+        lower, upper = self.bounds
+        for i in np.flatnonzero(~self.bounds.fixed):
+            name, value, held = self.names[i], self.value[i], self.held[i]
+            if np.isnan(held):
+                over = max(value - upper[i], lower[i] - value) / self.size[i]
+                if over > SLIGHT:
+                    yield f"{name} would be {value:.6g}, outside its range", float(over)
+            else:
+                pull = (1.0 if held == upper[i] else -1.0) * self.slope[i] / self.slope_size
+                if pull > SLIGHT:
+                    yield f"{name} is at an end of its range that it is not pressed to", float(pull)
 
 
-def _energy(system: System, at: Unknowns) -> float:
+@dataclass(frozen=True, eq=False)
+class _Ends:
+    """An extremal at its ends."""
+
+    dense: Dense
+    first: Array
+    """x₀, λ₀, before what happens there; (2 n_x,)."""
+    last: Array
+    """y_f, (n_y,)."""
+    energies: tuple[float, float]
+    """H₀, H_f."""
+
+    @property
+    def integrals(self) -> Array:
+        """(integrals,)."""
+        n, count = self.dense.system.layout.states, self.dense.system.layout.integrals
+        return np.asarray(self.last[2 * n : 2 * n + count])
+
+    @property
+    def inputs(self) -> list[Array | float]:
+        """x₀, t₀, x_f, t_f, p."""
+        n, times = self.dense.system.layout.states, self.dense.times
+        return [self.first[:n], times[0], self.last[:n], times[-1], self.dense.shared("parameters")]
+
+    def slopes(self) -> list[Array]:
+        """Return derivatives of the cost by x₀, x_f, t₀, t_f and p."""
+        layout, n = self.dense.system.layout, self.dense.system.layout.states
+        by_p = self.last[2 * n + layout.integrals :]
+        costates = [self.first[n:], self.last[n : 2 * n]]
+        omega = self.dense.shared("boundary")
+        residuals = self.dense.system.ends.conditions.residuals
+        given = [*self.inputs, *costates, *self.energies, by_p, omega]
+        return [np.array(v).ravel() for v in residuals.call(given)]
+
+
+def limits(dense: Dense, _: tuple[Piece, ...]) -> Iterator[Fault]:
+    """Give what is wrong at the ends."""
+    first = np.concatenate([dense.shared("state"), dense.shared("costate")])
+    energies = float(dense.shared("energies")[0]), _energy(dense)
+    ends = _Ends(dense, first, dense.at.phases[-1].nodes[-1], energies)
+    for given in (*_ranges(ends), *_constraints(ends)):
+        for sentence, amount in given.wrong():
+            yield Fault("end", 0.0, 0.0, amount, sentence)
+
+
+def _energy(dense: Dense) -> float:
     """Return H at the final time."""
-    from quito_cli.optimality.polish.flow import inputs
-
-    k, segments = len(at.phases) - 1, at.phases[-1]
-    time = at.shared[system.layout.place("T")][-1:]
-    v = inputs(time, segments.nodes[-1][None], at.shared, system.layout)
-    return float(evaluated(system.hamiltonians[k], v, segments.last[None])[0][0, 0])
+    segments, law = dense.at.phases[-1], dense.system.laws[-1]
+    v = inputs(dense.times[-1:], segments.nodes[-1][None], dense.at.shared, dense.system.layout)
+    return float(evaluated(law.energy, v, segments.last[None])[0][0, 0, 0])
 
 
-def _ranged(
-    names: list[str],
-    lower: Array,
-    upper: Array,
-    held: Array,
-    value: Array,
-    slope: Array,
-    size: Array,
-    slope_size: float,
-) -> Iterator[tuple[str, float]]:
-    """Give entries out of range, and those held at a bound that the cost pulls away from it."""
-    for i, name in enumerate(names):
-        if lower[i] == upper[i]:
-            continue
-        if np.isnan(held[i]):
-            over = max(value[i] - upper[i], lower[i] - value[i]) / size[i]
-            if over > SLIGHT:
-                yield f"{name} would be {value[i]:.6g}, outside its range", float(over)
-            continue
-        sign = 1.0 if held[i] == upper[i] else -1.0
-        wrong = sign * slope[i] / slope_size
-        if wrong > SLIGHT:
-            yield f"{name} is at an end of its range that it is not pressed to", float(wrong)
+def _ranges(ends: _Ends) -> Iterator[Range]:
+    """Give the ranges of states, times and parameters."""
+    dense, held = ends.dense, ends.dense.system.ends
+    m, n, slopes = dense.system.setting.system.model, dense.system.layout.states, ends.slopes()
+    names, times, p = labels(m.states), dense.times, dense.shared("parameters")
+    both = np.abs(np.vstack([dense.at.phases[0].nodes[0][: 2 * n], ends.last[: 2 * n]]))
+    size, costates = np.maximum(both[:, :n].max(axis=0), LEAST), float(both[:, n:].max()) or 1.0
+    for end, bounds, at, value, slope in (
+        ("initial", m.initial, held.initial, ends.first[:n], slopes[0]),
+        ("final", m.final, held.final, ends.last[:n], slopes[1]),
+    ):
+        given = tuple(f"{end} {name}" for name in names)
+        yield Range(given, bounds, at, value, slope, size, costates)
+    power = max(*np.abs(ends.energies), LEAST)
+    horizon = np.array([dense.horizon])
+    for end, instant, time, value, slope in (
+        ("initial time", m.initial_time, held.initial_time, times[:1], slopes[2]),
+        ("final time", m.final_time, held.final_time, times[-1:], slopes[3]),
+    ):
+        yield Range((end,), _bounds(instant), np.array([time]), value, slope, horizon, power)
+    size = np.maximum(np.abs(p), LEAST)
+    by_p = slopes[4]
+    largest = float(np.abs(by_p).max(initial=LEAST))
+    yield Range(labels(m.parameters), m.parameter_bounds, held.parameters, p, by_p, size, largest)
+
+
+def _bounds(instant: Instant) -> Bounds:
+    return Bounds(np.array([instant.lower]), np.array([instant.upper]))
+
+
+def _constraints(ends: _Ends) -> Iterator[Range]:
+    """Give the ranges of boundary and integral constraints."""
+    dense, held = ends.dense, ends.dense.system.ends
+    m = dense.system.setting.system.model
+    boundary, integral = m.constraints.boundary, m.constraints.integral
+    if boundary:
+        values = np.array(m.boundary_values(*ends.inputs)[0]).ravel()
+        yield _constrained(boundary, held.boundary, values, dense.shared("boundary"))
+    if integral:
+        yield _constrained(integral, held.integrals, ends.integrals, dense.shared("integral"))
+
+
+def _constrained(
+    given: tuple[Constraint, ...], held: Array, values: Array, multipliers: Array
+) -> Range:
+    names = tuple(label for c in given for label in c.labels)
+    bounds = Bounds(*(np.concatenate(s) for s in zip(*(c.bounds for c in given), strict=True)))
+    size, pull = np.maximum(np.abs(values), LEAST), float(np.abs(multipliers).max()) or 1.0
+    return Range(names, bounds, held, values, -multipliers, size, pull)

@@ -15,8 +15,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.optimality.polish.chain import Found, Rows, solved
-from quito_cli.optimality.polish.flow import Linearised
+from quito_cli.optimality.polish.assembly import Assembled, assembled
+from quito_cli.optimality.polish.chain import Chain, Found, Links, Rows, solved
 from quito_cli.optimality.polish.system import System
 from quito_cli.optimality.polish.unknowns import Unknowns
 
@@ -70,13 +70,15 @@ class Solved:
 
 @dataclass(frozen=True, eq=False)
 class _About:
-    """A system about a point."""
+    """A system about a point, scaled."""
 
-    flows: list[Linearised]
-    chain: list[list[Rows]]
-    """Scaled."""
-    unknowns: Unknowns
+    assembled: Assembled
+    chain: Chain
+    """In terms of relative changes."""
+    weights: tuple[Array, ...]
+    """By node (rows,): what its rows were divided by."""
     norm: float
+    """Largest residual; infinite where one has no value."""
 
 
 def iterate(system: System, start: Unknowns, scales: Scales) -> Solved:
@@ -86,7 +88,7 @@ def iterate(system: System, start: Unknowns, scales: Scales) -> Solved:
     for _ in range(STEPS):
         if not np.isfinite(about.norm) or about.norm <= SETTLED:
             break
-        found = solved(about.chain, system.size, system.layout.count)
+        found = solved(about.chain)
         following = _damped(system, about, found, scales)
         if following is None:
             break
@@ -97,9 +99,12 @@ def iterate(system: System, start: Unknowns, scales: Scales) -> Solved:
             break
     slow = _slow(norms)
     converged = bool(about.norm <= NEARLY) and not slow
-    if found is None and np.isfinite(about.norm):
-        found = solved(about.chain, system.size, system.layout.count)
-    return Solved(about.unknowns, tuple(norms), converged, slow, found)
+    return Solved(about.assembled.unknowns, tuple(norms), converged, slow, found)
+
+
+def linear(system: System, at: Unknowns, scales: Scales) -> Chain:
+    """Return the equations about a point, scaled."""
+    return _about(system, at, scales).chain
 
 
 def _slow(norms: list[float]) -> bool:
@@ -111,44 +116,38 @@ def _slow(norms: list[float]) -> bool:
 
 def _damped(system: System, about: _About, found: Found, scales: Scales) -> _About | None:
     """Return the system after the longest step that helps; None where none does."""
-    times = system.layout.place("T")
+    times = system.layout.place("times")
     moved = np.abs(found.shared[times]).max() * scales.shared[times][0]
-    horizon = float(np.ptp(about.unknowns.shared[times]))
+    horizon = float(np.ptp(about.assembled.unknowns.shared[times]))
     share = min(1.0, FAR * horizon / moved) if moved > 0 else 1.0
     while share >= SHORTEST:
         tried = _about(system, _moved(system, about, found, scales, share), scales)
         if tried.norm < (1 - 0.1 * share) * about.norm or tried.norm <= SETTLED:
             return tried
-        if (
-            np.isfinite(tried.norm)
-            and about.norm > NEARLY
-            and _natural(system, about, tried, found, share)
-        ):
+        if about.norm <= NEARLY:
+            if tried.norm <= 2 * about.norm:
+                return tried if tried.norm < about.norm else None
+        elif np.isfinite(tried.norm) and _natural(about, tried, found, share):
             return tried
-        if about.norm <= NEARLY and tried.norm <= 2 * about.norm:
-            return tried if tried.norm < about.norm else None
         share /= 2
     return None
 
 
-def _natural(system: System, about: _About, tried: _About, found: Found, share: float) -> bool:
+def _natural(about: _About, tried: _About, found: Found, share: float) -> bool:
     """Whether the step that the old derivatives call for has become shorter.
 
     Where a junction moves, residuals grow that the next step takes back; the length of that step
     does not depend on how equations are weighed (P. Deuflhard, Newton Methods for Nonlinear
     Problems, 2004, section 3.3).
     """
-    chain = [
-        [replace(old, right=new.right * _ratio(old, new)) for old, new in zip(*pair, strict=True)]
-        for pair in zip(about.chain, tried.chain, strict=True)
+    own = [
+        replace(old, right=new.right * after / before)
+        for old, new, before, after in zip(
+            about.chain.own, tried.chain.own, about.weights, tried.weights, strict=True
+        )
     ]
-    following = solved(chain, system.size, system.layout.count)
-    return _length(following) < (1 - share / 4) * _length(found)
-
-
-def _ratio(old: Rows, new: Rows) -> Array | float:
-    """Return what puts a right-hand side back to the weights of the old rows."""
-    return 1.0 if old.norms is None or new.norms is None else new.norms / old.norms
+    links = replace(about.chain.links, right=tried.chain.links.right)
+    return _length(solved(Chain(own, links))) < (1 - share / 4) * _length(found)
 
 
 def _length(found: Found) -> float:
@@ -158,54 +157,50 @@ def _length(found: Found) -> float:
 
 def _moved(system: System, about: _About, found: Found, scales: Scales, share: float) -> Unknowns:
     """Return the unknowns a part of the step further on."""
-    steps = share * found.nodes * scales.nodes
+    at, two = about.assembled.unknowns, 2 * system.layout.states
     shared = share * found.shared * scales.shared
-    two, at, phases = 2 * system.layout.states, 0, []
-    for segments, flow in zip(about.unknowns.phases, about.flows, strict=True):
-        count = len(segments.stages)
-        own = steps[at : at + count + 1]
-        at += count + 1
+    steps = np.split(share * found.nodes * scales.nodes, at.firsts[1:-1])
+    phases = []
+    for segments, flow, own in zip(at.phases, about.assembled.flows, steps, strict=True):
         inner = share * flow.stage_steps
-        inner = inner + np.einsum("ksy,ky->ks", flow.stages_by_start, own[:-1, :two])
+        inner = inner + (flow.stages_by_start @ own[:-1, :two, None])[..., 0]
         inner = inner + flow.stages_by_shared @ shared
         stages = segments.stages + inner.reshape(segments.stages.shape)
         phases.append(replace(segments, nodes=segments.nodes + own, stages=stages))
-    return Unknowns(tuple(phases), system.as_given(about.unknowns.shared + shared))
+    return Unknowns(tuple(phases), system.as_given(at.shared + shared))
 
 
 def _about(system: System, at: Unknowns, scales: Scales) -> _About:
     """Linearise, scale, and take the norm of what is not met."""
     with np.errstate(all="ignore"):
-        flows, chain, settled = system.linearised(at)
-    scaled = [[_scaled(rows, scales) for rows in own] for own in chain]
-    two = 2 * system.layout.states
-    parts = []
-    for flow in flows:
-        parts.append((flow.residuals / scales.nodes[:two]).ravel())
-        parts.append((flow.gaps / scales.nodes).ravel())
-    for own in scaled:
-        parts += [rows.right for rows in own if rows.there is None]
-    firsts = np.cumsum([len(s.nodes) for s in settled.phases])[:-1]
-    for node in firsts:
-        parts += [rows.right for rows in scaled[node - 1] if rows.there is not None]
-    whole = np.concatenate(parts)
-    norm = float(np.max(np.abs(whole), initial=0.0)) if np.isfinite(whole).all() else np.inf
-    return _About(flows, scaled, settled, norm)
+        given = assembled(system, at)
+        weighed = [_weighed(rows, scales) for rows in given.chain.own]
+        chain = Chain([rows for rows, _ in weighed], _scaled(given.chain.links, scales))
+        two, junctions = 2 * system.layout.states, at.firsts[1:-1] - 1
+        parts = [
+            *((flow.residuals / scales.nodes[:two]).ravel() for flow in given.flows),
+            *((flow.gaps / scales.nodes).ravel() for flow in given.flows),
+            *(rows.right for rows in chain.own),
+            chain.links.right[junctions].ravel(),
+        ]
+    whole = np.abs(np.concatenate(parts))
+    norm = float(whole.max(initial=0.0)) if np.isfinite(whole).all() else np.inf
+    return _About(given, chain, tuple(weights for _, weights in weighed), norm)
 
 
-def linear(system: System, at: Unknowns, scales: Scales) -> list[list[Rows]]:
-    """Return the equations about a point, scaled."""
-    return _about(system, at, scales).chain
-
-
-def _scaled(rows: Rows, scales: Scales) -> Rows:
-    """Return rows in terms of relative changes, each by its size."""
+def _weighed(rows: Rows, scales: Scales) -> tuple[Rows, Array]:
+    """Return rows in terms of relative changes, each by its size, and the sizes."""
     here, shared = rows.here * scales.nodes, rows.shared * scales.shared
-    if rows.there is not None:
-        size = scales.nodes[:, None]
-        return Rows(
-            here / size, rows.there * scales.nodes / size, shared / size, rows.right / scales.nodes
-        )
     norms = np.sqrt((here**2).sum(axis=1) + (shared**2).sum(axis=1))
-    norms = np.where(norms > 0, norms, 1.0)[:, None]
-    return Rows(here / norms, None, shared / norms, rows.right / norms[:, 0], norms[:, 0])
+    norms = np.where(norms > 0, norms, 1.0)
+    return Rows(here / norms[:, None], shared / norms[:, None], rows.right / norms), norms
+
+
+def _scaled(links: Links, scales: Scales) -> Links:
+    """Return links in terms of relative changes."""
+    size = scales.nodes[:, None]
+    return Links(
+        links.matrix * scales.nodes / size,
+        links.shared * scales.shared / size,
+        links.right / scales.nodes,
+    )

@@ -13,9 +13,10 @@ from typing import Final
 
 import numpy as np
 
-from quito_cli.optimality.polish.faults import Fault, What
+from quito_cli.optimality.polish.fault import Fault, What
 from quito_cli.optimality.polish.setting import Setting
 from quito_cli.optimality.polish.structure import Held, Kind, Phase, Structure
+from quito_cli.solution.polishing import Action
 
 ADJACENT = 1e-6
 """Part of the horizon by which a fault may begin after a junction, and still begin at it."""
@@ -26,8 +27,7 @@ class Revision:
     """A structure to try, and why."""
 
     structure: Structure
-    action: str
-    """`drop`, `insert` or `release`."""
+    action: Action
     sentence: str
 
 
@@ -125,10 +125,11 @@ def _beyond(setting: Setting, structure: Structure, fault: Fault) -> Revision:
 
 
 def _inserted(structure: Structure, fault: Fault, i: int, kind: Kind, what: str) -> Revision:
-    start, end = _snapped(structure, fault)
     kinds = structure.phases[fault.phase].kinds
     changed = (*kinds[:i], kind, *kinds[i + 1 :])
-    found = structure.changed(start, end, kinds=changed)
+    found = structure.changed(
+        *_snapped(structure, fault), lambda phase: replace(phase, kinds=changed)
+    )
     return Revision(found, "insert", f"{fault.sentence}: an arc of {what} is put there")
 
 
@@ -141,60 +142,54 @@ def _snapped(structure: Structure, fault: Fault) -> tuple[float, float]:
 
 
 def _violated(setting: Setting, structure: Structure, fault: Fault) -> Revision | None:
-    assert fault.held is not None
-    known = setting.active(fault.held)
+    held = _held(fault)
+    known = setting.active(held)
     if known.order is None:
         return None
     start, end = _snapped(structure, fault)
-    if known.order >= 2 and not _touches_near(structure, fault.held, start, end):
-        found, k = structure.cut((start + end) / 2)
-        found = replace(found, touches=(*found.touches, (k, fault.held)))
+    if known.order >= 2 and not any(_touches_near(structure, held, start, end)):
+        found = structure.touched((start + end) / 2, held)
         return Revision(found, "insert", f"{fault.sentence}: a touch is put there")
     phase = structure.phases[fault.phase]
     kinds = list(phase.kinds)
     if not any(kinds[i] == "free" for i in known.controls):
         kinds[known.controls[0]] = "free"
-    found = structure.changed(start, end, kinds=tuple(kinds), held=phase.held | {fault.held})
-    found = _without_touches(found, fault.held, start, end)
+    arc = Phase(tuple(kinds), phase.held | {held})
+    found = structure.changed(start, end, lambda _: arc)
+    gone = _touches_near(found, held, start, end)
+    touches = tuple(at for at, near in zip(found.touches, gone, strict=True) if not near)
+    found = replace(found, touches=touches)
     return Revision(found, "insert", f"{fault.sentence}: an arc on it is put there")
 
 
-def _touches_near(structure: Structure, held: Held, start: float, end: float) -> bool:
-    reach = end - start
-    return any(
-        h == held and start - reach <= structure.times[k] <= end + reach
-        for k, h in structure.touches
-    )
+def _held(fault: Fault) -> Held:
+    assert fault.held is not None, "the fault is of a row"
+    return fault.held
 
 
-def _without_touches(structure: Structure, held: Held, start: float, end: float) -> Structure:
-    reach = end - start
-    kept = tuple(
-        (k, h)
-        for k, h in structure.touches
-        if h != held or not start - reach <= structure.times[k] <= end + reach
-    )
-    return replace(structure, touches=kept)
+def _touches_near(structure: Structure, held: Held, start: float, end: float) -> list[bool]:
+    """Return which touches are of a row, within twice a stretch of time about it."""
+    first, last = start - (end - start), end + (end - start)
+    return [h == held and first <= structure.times[k] <= last for k, h in structure.touches]
 
 
 def _pull(setting: Setting, structure: Structure, fault: Fault) -> Revision:
-    assert fault.held is not None
-    held, label = fault.held, setting.system.rows[fault.held[0]].label
-    phase = structure.phases[fault.phase]
+    held = _held(fault)
+    known, phase = setting.active(held), structure.phases[fault.phase]
     start, end = _snapped(structure, fault)
-    known = setting.active(held)
     if known.order or end <= start:  # a state constraint holds from end to end or not at all
         start, end = structure.span(fault.phase, fault.phase)
     kinds = list(phase.kinds)
-    for i in known.controls:
-        if kinds[i] == "free" and i in setting.controls.of_kind("affine"):
-            kinds[i] = _released(setting, held, i)
-            break
-    found = structure.changed(start, end, kinds=tuple(kinds), held=phase.held - {held})
+    affine = setting.controls.of_kind("affine")
+    let_go = next((i for i in known.controls if kinds[i] == "free" and i in affine), None)
+    if let_go is not None:
+        kinds[let_go] = _released(setting, held, let_go)
+    without = Phase(tuple(kinds), phase.held - {held})
+    found = structure.changed(start, end, lambda _: without)
     if known.order and known.order >= 2:
-        found, k = found.cut((start + end) / 2)
-        found = replace(found, touches=(*found.touches, (k, held)))
+        found = found.touched((start + end) / 2, held)
         return Revision(found, "release", f"{fault.sentence}: its arc is made a touch")
+    label = setting.system.rows[held[0]].label
     return Revision(found, "release", f"{fault.sentence}: {label} is not held there")
 
 

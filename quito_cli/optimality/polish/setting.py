@@ -6,6 +6,7 @@ where it is active, which feedback singular controls follow.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import TYPE_CHECKING
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from quito_cli.optimality.constraints import Active, active
 from quito_cli.optimality.controls import Controls, controls
 from quito_cli.optimality.hamiltonian import Pontryagin, sampled
+from quito_cli.optimality.polish.law import Law
 from quito_cli.optimality.probes import Probe
 from quito_cli.optimality.singular import Singular, singular
 
@@ -71,18 +73,26 @@ class Setting:
             return np.zeros((len(t), 0))
         return sampled(self.row_function, (t, x, np.zeros_like(x), u, p, None, None))[0]
 
-    @cache  # noqa: B019 - as long as the polish lasts
-    def active(self, held: Held) -> Active:
-        """Return what holds where a row is at a bound."""
-        return active(self.system, self.probe, held[0], upper=held[1])
+    @cached_property
+    def active(self) -> Callable[[Held], Active]:
+        """What holds where a row is at a bound."""
+        return cache(lambda held: active(self.system, self.probe, held[0], upper=held[1]))
 
-    @cache  # noqa: B019 - as long as the polish lasts
-    def singular(self, phase: Phase) -> Singular | None:
-        """Return the feedback of a phase's singular controls; None where there are none.
+    @cached_property
+    def law(self) -> Callable[[Phase], Law]:
+        """The law of a phase: equal phases of all structures share it."""
+        return cache(lambda phase: Law(self, phase))
+
+    @cached_property
+    def singular(self) -> Callable[[Phase], Singular | None]:
+        """The feedback of a phase's singular controls; None where there are none.
 
         Raises:
             UnsupportedError: there is no feedback.
         """
+        return cache(self._singular)
+
+    def _singular(self, phase: Phase) -> Singular | None:
         which = tuple(i for i, kind in enumerate(phase.kinds) if kind == "singular")
         if not which:
             return None

@@ -1,115 +1,108 @@
-"""A solved boundary value problem as an `Exact` extremal, with multipliers of direct adjoining.
-
-On an arc of a state constraint S of order q the costates of direct adjoining are λ + Σ ζ_i ∇S^(i),
-with ζ_{q−1} = η, ζ_{i−1} = −ζ_i' and the density μ = −ζ_0'. Where the arc begins the multiplier has
-an atom π_0 − ζ_0, where it ends one of ζ_0; the costate jumps by these times ∇S and by nothing else
-(R. F. Hartl, S. P. Sethi and R. G. Vickson, SIAM Review 37, 1995, section 5).
-"""
+"""A solved boundary value problem as an `Exact` extremal, with multipliers of direct adjoining."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.optimality.hamiltonian import sampled as along
-from quito_cli.optimality.polish.dense import Piece, lengths, sampled
+from quito_cli.optimality.polish.adjoining import adjoined, atoms
+from quito_cli.optimality.polish.dense import Dense
 from quito_cli.optimality.polish.exact import Atom, Exact, Sampled
-from quito_cli.optimality.polish.faults import adjoined, arguments, leaps
-from quito_cli.optimality.polish.system import System
-from quito_cli.optimality.polish.unknowns import Unknowns
+from quito_cli.optimality.polish.structure import Held
 from quito_cli.solution.optimal import Arc, Kind
-
-if TYPE_CHECKING:
-    from quito_cli.optimality.polish.structure import Held
 
 Array = NDArray[np.float64]
 
+ROUNDING = 1e-15
+"""Part of the horizon that junctions are uncertain by at least."""
 
-def exact(system: System, at: Unknowns, residual: float) -> Exact:
+
+def exact(dense: Dense, residual: float) -> Exact:
     """Return a solved boundary value problem as functions of time.
 
     Args:
-        system: the equations.
-        at: where they hold.
-        residual: to which they do: the relative uncertainty of junctions.
+        dense: the solution.
+        residual: to which its equations hold: the relative uncertainty of junctions.
     """
-    layout, m, n = system.layout, system.setting.system.model, system.layout.states
-    pieces = sampled(system, at, system.method.known.points)
-    times = at.shared[layout.place("T")]
-    rows = len(system.setting.system.rows)
-    costates, mu, nodes = [], [], [times[:1]]
-    for k, piece in enumerate(pieces):
-        own, pulls = piece.y[..., n:].copy(), np.zeros((*piece.t.shape, rows))
-        for held, parts in adjoined(system, at, k, piece).items():
-            pulls[..., held[0]] = parts[..., -1]
-            if system.setting.active(held).order:
-                own += np.einsum(
-                    "kmxi,kmi->kmx", _gradients(system, at, k, piece, held), parts[..., :-1]
-                )
-        costates.append(own)
-        mu.append(pulls)
-        fractions = at.phases[k].fractions[1:]
-        inner = times[k] + fractions * (times[k + 1] - times[k])
-        inner[-1] = times[k + 1]
-        nodes.append(inner)
+    system, n = dense.system, dense.system.layout.states
+    costates, mu = zip(*(_multipliers(dense, k) for k in range(len(dense.known))), strict=True)
     values = Sampled(
-        np.concatenate([piece.t for piece in pieces]),
-        np.concatenate([piece.y[..., :n] for piece in pieces]),
+        np.concatenate([piece.t for piece in dense.known]),
+        np.concatenate([piece.y[..., :n] for piece in dense.known]),
         np.concatenate(costates),
-        np.concatenate([piece.u for piece in pieces]),
+        np.concatenate([piece.u for piece in dense.known]),
         np.concatenate(mu),
     )
-    part = {name: at.shared[layout.place(name)] for name in layout.sizes}
     return Exact(
-        np.concatenate(nodes),
+        _nodes(dense),
         system.method.known,
         values,
-        part["p"],
-        part["omega"],
-        part["nu"],
-        tuple(_points(system, at, len(m.constraints.point))),
-        tuple(_atoms(system, at)),
-        tuple(_arcs(system, times, max(residual, 1e-15) * float(np.ptp(times)))),
-        _cost(system, at),
+        dense.shared("parameters"),
+        dense.shared("boundary"),
+        dense.shared("integral"),
+        tuple(_points(dense)),
+        tuple(_atoms(dense)),
+        tuple(_arcs(dense, max(residual, ROUNDING) * dense.horizon)),
+        _cost(dense),
     )
 
 
-def _gradients(system: System, at: Unknowns, k: int, piece: Piece, held: Held) -> Array:
-    """Return ∇S^(i) along a piece, (K, m, n_x, q)."""
-    known = system.setting.active(held)
-    found = along(known.jumps, arguments(system, at, k, *piece.flat()))[0]
-    return found.reshape(*piece.t.shape, system.layout.states, known.order or 0)
+def _nodes(dense: Dense) -> Array:
+    """Return the times at which segments meet; those of junctions as they were found."""
+    found = [dense.times[:1]]
+    for k, segments in enumerate(dense.at.phases):
+        start, end = dense.times[k : k + 2]
+        found += [start + segments.fractions[1:-1] * (end - start), dense.times[[k + 1]]]
+    return np.concatenate(found)
 
 
-def _points(system: System, at: Unknowns, count: int) -> Iterator[Array]:
+def _multipliers(dense: Dense, k: int) -> tuple[Array, Array]:
+    """Return costates of direct adjoining, (K, m, n_x), and μ of all rows, (K, m, rows)."""
+    piece, setting = dense.known[k], dense.system.setting
+    costates = piece.y[..., dense.system.layout.states :].copy()
+    mu = np.zeros((*piece.t.shape, len(setting.system.rows)))
+    for held, own in adjoined(dense, k).items():
+        mu[..., held[0]] = own.mu
+        if setting.active(held).order:
+            costates += np.einsum("kmxi,kmi->kmx", _gradients(dense, k, held), own.zeta)
+    return costates, mu
+
+
+def _gradients(dense: Dense, k: int, held: Held) -> Array:
+    """Return ∇S^(i) along a phase, (K, m, n_x, q)."""
+    known, piece = dense.system.setting.active(held), dense.known[k]
+    found = dense.along(known.jumps, k, piece)[0]
+    return found.reshape(*piece.t.shape, dense.system.layout.states, -1)
+
+
+def _points(dense: Dense) -> Iterator[Array]:
     """Give the multipliers of each point constraint."""
-    known = {
-        jump.point: at.shared[system.layout.place("pi")][leap.multipliers][: jump.values.numel()]
-        for leap in system.leaps
+    found = {
+        jump.point: dense.at.shared[place]
+        for leap in dense.system.leaps
         if leap
-        for jump in leap.jumps
-        if jump.point is not None
+        for jump, place in leap.parts(dense.system.layout)
     }
-    for k in range(count):
-        yield known[k]
+    for k in range(len(dense.system.setting.system.model.constraints.point)):
+        yield found[k]
 
 
-def _atoms(system: System, at: Unknowns) -> Iterator[Atom]:
+def _atoms(dense: Dense) -> Iterator[Atom]:
     """Give the impulses of state constraints: where arcs begin and end, and touches."""
-    firsts = np.cumsum([0, *(len(p.stages) for p in at.phases)])
-    for leap in leaps(system, at):
-        if leap.atom:
-            yield Atom(int(firsts[leap.junction]), leap.held[0], leap.atom)
+    firsts = np.cumsum([0, *(segments.count for segments in dense.at.phases)])
+    for atom in atoms(dense):
+        if atom.size:
+            yield Atom(int(firsts[atom.junction]), atom.held[0], atom.size)
 
 
-def _arcs(system: System, times: Array, doubt: float) -> Iterator[Arc]:
-    """Give the arcs of controls, then of rows."""
-    phases, setting = system.structure.phases, system.setting
+def _arcs(dense: Dense, doubt: float) -> Iterator[Arc]:
+    """Give the arcs of controls, then of rows; junctions are known up to `doubt`."""
+    structure, setting, times = dense.system.structure, dense.system.setting, dense.times
+    phases = structure.phases
     for i in range(setting.system.model.n_u):
-        kinds = []
+        kinds: list[Kind] = []
         for phase in phases:
             taken = any(i in setting.active(held).controls for held in phase.held)
             free: Kind = "active" if taken else "interior"
@@ -118,7 +111,7 @@ def _arcs(system: System, times: Array, doubt: float) -> Iterator[Arc]:
         yield from _joined(setting.name(i), kinds, times, doubt, frozenset())
     for row, given in enumerate(setting.system.rows):
         held = [any(row == h for h, _ in phase.held) for phase in phases]
-        touched = frozenset(k for k, (h, _) in system.structure.touches if h == row)
+        touched = frozenset(k for k, (h, _) in structure.touches if h == row)
         kinds = ["active" if own else "inactive" for own in held]
         yield from _joined(given.label, kinds, times, doubt, touched)
 
@@ -135,17 +128,16 @@ def _joined(
             start = k
 
 
-def _cost(system: System, at: Unknowns) -> float:
+def _cost(dense: Dense) -> float:
     """Return the cost of the minimisation: Mayer cost and quadrature by the Gauss points."""
-    m, n = system.setting.system.model, system.layout.states
-    p, times = at.shared[system.layout.place("p")], at.shared[system.layout.place("T")]
-    total = 0.0
-    for k, piece in enumerate(sampled(system, at, system.method.points)):
+    system, p, times = dense.system, dense.shared("parameters"), dense.times
+    m, n, total = system.setting.system.model, system.layout.states, 0.0
+    for k, piece in enumerate(dense.sampled(system.method.points)):
         t, y, _, u = piece.flat()
         count = len(t)
         rates = m.right_hand_side.map(count)(y[:, :n].T, u.T, np.tile(p[:, None], (1, count)), t)
         running = np.array(rates[1])[0].reshape(piece.t.shape)
-        h = np.diff(at.phases[k].fractions) * lengths(system, at)[k]
+        h = np.diff(dense.at.phases[k].fractions) * dense.lengths[k]
         total += float((running @ system.method.weights) @ h)
-    ends = at.phases[0].nodes[0][:n], times[0], at.phases[-1].nodes[-1][:n], times[-1], p
-    return total + float(m.end_cost(*ends))
+    ends = dense.at.phases[0].nodes[0][:n], times[0], dense.at.phases[-1].nodes[-1][:n], times[-1]
+    return total + float(m.end_cost(*ends, p))

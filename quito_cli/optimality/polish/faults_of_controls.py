@@ -1,0 +1,57 @@
+"""Controls at bounds that H would have inside, and controls that are beyond their bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quito_cli.optimality.polish.dense import Dense, Piece
+from quito_cli.optimality.polish.fault import SLIGHT, Fault, runs
+
+Array = NDArray[np.float64]
+
+
+def signs(dense: Dense, pieces: tuple[Piece, ...]) -> Iterator[Fault]:
+    """Give where (H + ηᵀC)_u has the wrong sign for a control at a bound."""
+    setting, phases = dense.system.setting, dense.system.structure.phases
+    slopes = [
+        dense.along(law.slopes, k, piece)[0]
+        for k, (law, piece) in enumerate(zip(dense.system.laws, pieces, strict=True))
+    ]
+    size = np.max([np.abs(s).max(axis=0, initial=0.0) for s in slopes], axis=0)
+    fixed = setting.system.model.control_bounds.fixed
+    for k, (piece, own) in enumerate(zip(pieces, slopes, strict=True)):
+        for i, kind in enumerate(phases[k].kinds):
+            if kind not in ("lower", "upper") or fixed[i]:
+                continue
+            wrong = (own[:, i] if kind == "upper" else -own[:, i]) / (size[i] or 1.0) - SLIGHT
+            name = setting.name(i)
+            for run in runs(wrong, piece.t.ravel()):
+                says = f"dH/d{name} has the wrong sign for {name} at its {kind} bound {run.when}"
+                at_upper = kind == "upper"
+                yield Fault(
+                    "sign", run.start, run.end, run.amount, says, k, control=i, upper=at_upper
+                )
+
+
+def beyond(dense: Dense, pieces: tuple[Piece, ...]) -> Iterator[Fault]:
+    """Give where a control that is free or singular is beyond a bound."""
+    setting, phases = dense.system.setting, dense.system.structure.phases
+    lower, upper = setting.system.model.control_bounds
+    for k, piece in enumerate(pieces):
+        t, u = piece.t.ravel(), piece.u.reshape(piece.t.size, -1)
+        for i, kind in enumerate(phases[k].kinds):
+            if kind in ("lower", "upper"):
+                continue
+            span = upper[i] - lower[i]
+            span = span if np.isfinite(span) else 1 + float(np.abs(u[:, i]).max())
+            for at_upper, over in ((False, lower[i] - u[:, i]), (True, u[:, i] - upper[i])):
+                wrong = np.nan_to_num(over / span - SLIGHT, neginf=-1.0)
+                side = "above its upper" if at_upper else "below its lower"
+                for run in runs(wrong, t):
+                    says = f"{setting.name(i)} would be {side} bound {run.when}"
+                    yield Fault(
+                        "beyond", run.start, run.end, run.amount, says, k, control=i, upper=at_upper
+                    )
