@@ -273,6 +273,15 @@ def test_times_are_recorded_in_calibration_solves() -> None:
     assert measured(Baseline(), case, None) == {"cost": 1.0}
 
 
+def test_without_a_calibration_times_are_left_alone() -> None:
+    kept = Baseline({"a": {"cost": 1.0, "processor_time": 5.0}})
+    run = [finished("a", cost=2.0, processor_seconds=0.3)]
+    rows = compare(kept, run, None, minimised, ["a"])
+    assert [(row.figure, row.verdict) for row in rows] == [("cost", WORSE)]
+    made = updated(kept, run, same(rows), None, ["a"])
+    assert made.cases["a"] == {"cost": 2.0, "processor_time": 5.0}
+
+
 def test_a_certificate_that_fails_is_recorded_without_its_figures() -> None:
     told = "dH/du = 0, by 1e-02 of its scale at t = 1.25"
     assert measured(Baseline(), finished("a", certificate=told), None) == {"certificate": "fails"}

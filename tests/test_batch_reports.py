@@ -23,8 +23,8 @@ from quito_cli.batch.dictionary import as_dictionary
 from quito_cli.batch.pictures import MOST, check_which, pictures
 from quito_cli.batch.report import Report
 from quito_cli.batch.table import differences, figure, in_a_sentence, seconds, shown, table, text
-from quito_cli.cli.report import finite
 from quito_cli.errors import UsageError
+from quito_cli.summary.dictionary import finite
 
 WORSE = Difference("a", "iterations", Verdict.WORSE, 10, 20, 3.0)
 BETTER = Difference("b", "error_l2", Verdict.BETTER, 0.1, 0.05, 0.02)

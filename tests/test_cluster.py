@@ -19,7 +19,7 @@ import pytest
 from documents import run as command
 
 import quito_cli as quito
-from quito_cli.batch import cluster, remote
+from quito_cli.batch import cluster, connection, remote
 from quito_cli.batch.axes import parse
 from quito_cli.batch.case import Case, Ending, Expectation, Finished
 from quito_cli.batch.cluster import run_on
@@ -210,6 +210,12 @@ def test_what_is_refused_crashes_or_hangs_takes_only_its_case(
     assert "limit of 1 s" in ended["h0"].message
 
 
+def test_what_others_start_from_is_kept(dask_cluster: Cluster, tmp_path: Path) -> None:
+    cases = cases_over("a=1,2", warm=True)
+    found = list(run_on(dask_cluster.address, cases, Setting(1, tmp_path, "none")))
+    assert [one.result is not None for one in found] == [True, False]
+
+
 def test_what_is_done_is_not_done_again(dask_cluster: Cluster, tmp_path: Path) -> None:
     cases = cases_over("a=1,2,3", warm=True)
     setting = Setting(1, tmp_path, "all")
@@ -260,13 +266,29 @@ def test_sweeps_and_suites_go_there_by_the_command_line(
 def test_another_version_there_is_refused(
     dask_cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cluster, "__version__", "99.0")
+    monkeypatch.setattr(connection, "__version__", "99.0")
     (case,) = cases_over("a=1")
     with pytest.raises(UnavailableError, match=r"quito .* is installed at .*, and 99.0 here"):
         list(run_on(dask_cluster.address, [case], Setting(1, tmp_path, "all")))
 
 
-def test_a_worker_that_comes_late_with_another_version_refuses(tmp_path: Path) -> None:
+def test_a_worker_that_comes_late_with_another_version_ends_the_run(
+    dask_cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cluster, "__version__", "99.0")  # of what is sent, after the comparison
+    cases = cases_over("a=1,2,3")
+    with pytest.raises(UnavailableError, match=r"cannot do cases: a worker has quito .*--resume"):
+        list(run_on(dask_cluster.address, cases, Setting(1, tmp_path, "all")))
+
+
+def test_a_case_that_takes_workers_down_is_told_as_that() -> None:
+    from distributed import KilledWorker
+
+    assert cluster._killed(KilledWorker.__new__(KilledWorker))
+    assert not cluster._killed(OSError("no space left"))
+
+
+def test_a_worker_looks_at_the_version(tmp_path: Path) -> None:
     (case,) = cases_over("a=1")
     parcel = remote.Parcel("run", "99.0", case, None, Limits(None, None), "all", (), waits)
     with pytest.raises(UnavailableError, match=r"a worker has quito .*, and the cases come from"):
@@ -274,7 +296,7 @@ def test_a_worker_that_comes_late_with_another_version_refuses(tmp_path: Path) -
 
 
 def test_no_scheduler_is_told_in_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster, "_CONNECT", 0.5)
+    monkeypatch.setattr(connection, "_CONNECT", 0.5)
     with socket.socket() as silent:
         silent.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
@@ -302,7 +324,7 @@ def test_a_file_that_is_no_scheduler_file_is_refused(tmp_path: Path) -> None:
 def test_a_scheduler_file_is_waited_for_a_while(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cluster, "_CONNECT", 0.3)
+    monkeypatch.setattr(connection, "_CONNECT", 0.3)
     (case,) = cases_over("a=1")
     with pytest.raises(UnavailableError, match=r"no scheduler file .*none\.json: start"):
         list(run_on(str(tmp_path / "none.json"), [case], Setting(1, tmp_path, "all")))

@@ -30,6 +30,7 @@ from quito_cli.batch.axes import MOST_CASES, Axis, axis, known, parse, shadowed,
 from quito_cli.batch.case import Case, Ending, Finished
 from quito_cli.batch.figures import TIMES
 from quito_cli.batch.run import Setting, run
+from quito_cli.batch.solving import Keep
 from quito_cli.batch.suite import Suite, load_suite
 from quito_cli.batch.sweep import Sweep, Swept, collected, expand
 from quito_cli.batch.sweeping import grids
@@ -517,6 +518,7 @@ def test_names_stand_side_by_side(lq: Problem) -> None:
     swept = made_up(lq, ["solver=ipopt,uno,sleqp"], lambda c: 1.0)
     (plot,) = drawn(swept).axes
     assert [tick.get_text() for tick in plot.get_xticklabels()] == ["ipopt", "uno", "sleqp"]
+    assert plot.lines[0].get_linestyle() == "None"  # there is nothing between two names
 
 
 def test_two_fine_axes_make_a_map(lq: Problem) -> None:
@@ -667,6 +669,16 @@ def test_json_is_one_object_whatever_becomes_of_the_cases(
     assert (said["hdf5"], said["plots"]) == (str(tmp_path / "reach-sweep.h5"), [])
 
 
+def test_a_figure_that_was_not_asked_for_at_first_is_told_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["bang_bang", "--over", "steps=10,20", "--no-plot", "-j", "1", "--json"]
+    for more, notes in (([], 0), (["--resume", "--figures", "error_l2"], 1)):
+        ran = quito_sweep([*arguments, *more, "-o", str(tmp_path)], monkeypatch, capsys)
+        assert len(ran.json["notes"]) == notes
+    assert ran.json["notes"][0].startswith("error_l2: not found of 2 cases done before")
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -754,6 +766,7 @@ def test_from_python_it_is_the_same(tmp_path: Path) -> None:
 # In suites
 
 
+KEEPS: tuple[Keep, ...] = ("all", "none")
 SUITE = """\
 cases:
   - problem: reach.yaml
@@ -809,14 +822,13 @@ def test_what_is_wrong_with_a_sweep_of_a_suite_is_shown(
     assert words in str(caught.value)
 
 
-@pytest.mark.parametrize("keep", ["failed", "none"])
-def test_continuation_needs_what_it_starts_from(
-    keep: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    suite_at(tmp_path, SUITE)
-    arguments = [str(tmp_path / "suite.yaml"), "--keep", keep, "-o", str(tmp_path / "out")]
-    assert command(["batch", *arguments], monkeypatch) == 2
-    assert f"'{keep}' does not keep those" in capsys.readouterr().err
+def test_continuation_does_not_depend_on_what_is_kept(tmp_path: Path) -> None:
+    suite = suite_at(tmp_path, SUITE)
+    iterations = []
+    for keep in KEEPS:
+        found = run(suite.cases, Setting(1, tmp_path / keep, keep))
+        iterations.append({one.case.name: one.figures["iterations"] for one in found})
+    assert iterations[0] == iterations[1]
 
 
 def test_sweeps_and_matrices_of_a_suite_are_written(

@@ -97,6 +97,11 @@ def measured(
     return found
 
 
+def without_times(figures: Figures) -> dict[str, Figure]:
+    """Return figures of a baseline without those that want a calibration."""
+    return {name: figure for name, figure in figures.items() if not RULES[name].of}
+
+
 def updated(
     baseline: Baseline,
     finished: Sequence[Finished],
@@ -112,7 +117,7 @@ def updated(
         baseline: as it was; an empty one to begin with.
         finished: the cases of a run.
         same: by case the figures that are within their tolerances, and stay.
-        calibration: processor seconds of a calibration solve; None leaves the times out.
+        calibration: processor seconds of a calibration solve; None leaves the times as they were.
         everything: names of all cases of the suite: others are left out. None of a run of a part
             of the suite, where others stay.
     """
@@ -140,7 +145,8 @@ def _renewed(
     same: frozenset[str],
     calibration: float | None,
 ) -> Figures:
-    renewed: dict[str, Figure] = {}
+    timeless = without_times(recorded) if calibration is None else recorded
+    renewed = {name: figure for name, figure in recorded.items() if name not in timeless}
     for name, figure in measured(baseline, case, calibration).items():
         tolerance = baseline.tolerance(case.case.name, name)
         assert tolerance is not None

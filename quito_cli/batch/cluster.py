@@ -12,16 +12,14 @@ where, and with how many others, it is solved.
 
 from __future__ import annotations
 
-import json
-import logging
 import threading
 import time
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Final
@@ -29,6 +27,7 @@ from typing import TYPE_CHECKING, Any, Final
 from quito_cli import __version__
 from quito_cli.batch import remote
 from quito_cli.batch.case import Case, Ending, Finished
+from quito_cli.batch.connection import connected, refuse_versions
 from quito_cli.batch.run import NO_LIMITS, Setting, answer_before, clean, refuse_tangles
 from quito_cli.batch.solving import result_path
 from quito_cli.errors import UnavailableError, UsageError
@@ -38,10 +37,6 @@ from quito_cli.solution.store import write_aside
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-_CONNECT: Final = 10.0
-"""Seconds in which the scheduler has to answer."""
-_FILE: Final = ".json"
-"""How a scheduler file is called that need not be there yet."""
 _GONE: Final = 20.0
 """Seconds without the scheduler after which it is given up."""
 _LOOK: Final = 0.1
@@ -86,8 +81,8 @@ def run_on(
     refuse_tangles(cases)
     setting.folder.mkdir(parents=True, exist_ok=True)
     clean(setting.folder, cases)
-    with _connected(address) as client:
-        _refuse_versions(client, address)
+    with connected(address) as client:
+        refuse_versions(client, address)
         yield from _Flight(client, address, cases, setting, dict(done or {})).finish()
 
 
@@ -115,6 +110,11 @@ class _Flight:
     seen: float = field(default_factory=time.monotonic)
     """When the scheduler was there."""
 
+    @cached_property
+    def followed(self) -> frozenset[str | None]:
+        """Names of cases that others start from: their results are kept."""
+        return frozenset(case.follows for case in self.cases)
+
     def finish(self) -> Iterator[Finished]:
         """Send cases and yield what becomes of them, until there are none."""
         pending = {case.name: case for case in self.cases if case.name not in self.finished}
@@ -134,6 +134,8 @@ class _Flight:
 
     def _send(self, pending: dict[str, Case], everything: Mapping[str, Case]) -> None:
         """Send cases that need not wait, as many as may be under way."""
+        if self.client.status != "running":
+            return
         room = max(_LEAST, _AT_ONCE * self._threads()) - len(self.flying)
         ready = (c for c in pending.values() if c.follows is None or c.follows in self.finished)
         for case in [case for case, _ in zip(ready, range(room), strict=False)]:
@@ -141,14 +143,15 @@ class _Flight:
             try:
                 contents = _packed(case, answer_before(case, self.finished, everything))
             except UsageError as error:
-                self.refused.append(_failed(case, error))
+                said = Finished(case, Ending.REFUSED, str(error), {}, (), 0.0, None)
+                self.refused.append(said)
                 continue
             parcel = remote.Parcel(
                 self.name,
                 __version__,
                 *contents,
                 self.setting.limits.get(case.name, NO_LIMITS),
-                self.setting.keep,
+                "all" if case.name in self.followed else self.setting.keep,
                 tuple(self.setting.record),
                 self.setting.job,
             )
@@ -182,7 +185,13 @@ class _Flight:
         if future.cancelled() or self.client.status != "running":
             self.flying.clear()
             raise self._lost()
-        return _failed(everything[name], fetched)
+        if _killed(fetched):
+            said = "every worker that took it died"
+            return Finished(everything[name], Ending.CRASHED, said, {}, (), 0.0, None)
+        raise UnavailableError(
+            f"a worker of the cluster cannot do cases: {_line(fetched)}; what had finished is "
+            "kept, and --resume goes on from there"
+        )
 
     def _land(self, name: str, future: Future) -> None:
         """Have the result of a case fetched."""
@@ -259,96 +268,12 @@ def _write(path: Path, content: bytes) -> None:
     path.write_bytes(content)
 
 
-def _failed(case: Case, error: Exception) -> Finished:
-    """Return a case that the cluster could not do."""
+def _killed(error: BaseException) -> bool:
     from distributed import KilledWorker
 
-    if isinstance(error, KilledWorker):
-        said = "every worker that took it died"
-        return Finished(case, Ending.CRASHED, said, {}, (), 0.0, None)
-    if isinstance(error, UsageError):
-        return Finished(case, Ending.REFUSED, str(error), {}, (), 0.0, None)
-    said = (str(error).splitlines() or [""])[0]
-    return Finished(case, Ending.CRASHED, f"on the cluster: {said}", {}, (), 0.0, None)
+    return isinstance(error, KilledWorker)
 
 
-def _address_in(path: Path) -> str:
-    """Return the address in a file of a scheduler, which may be about to be written.
-
-    Raises:
-        UnavailableError: there is no such file, even after a while.
-    """
-    end = time.monotonic() + _CONNECT
-    while not path.is_file() or not path.read_bytes().strip():
-        if time.monotonic() > end:
-            raise UnavailableError(
-                f"there is no scheduler file {path}: start `dask scheduler --scheduler-file {path}`"
-            )
-        time.sleep(_LOOK)
-    return str(json.loads(path.read_bytes())["address"])
-
-
-@contextmanager
-def _connected(address: str) -> Iterator[Client]:
-    """Connect with the scheduler.
-
-    Raises:
-        UnavailableError: `distributed` is not installed, or nothing answers.
-        UsageError: the address is none.
-    """
-    try:
-        from distributed import Client
-    except ImportError:
-        raise UnavailableError(
-            "--cluster needs Dask, which is not installed: pip install 'quito[dask]'"
-        ) from None
-    log = logging.getLogger("distributed")
-    level = log.level
-    log.setLevel(logging.CRITICAL)  # what becomes of connections is told here
-    try:
-        try:
-            if address.endswith(_FILE) or Path(address).is_file():
-                address = _address_in(Path(address))
-            client = Client(address, timeout=_CONNECT, set_as_default=False, name="quito")
-        except (ValueError, LookupError, TypeError) as error:
-            raise UsageError(
-                f"--cluster {address}: {error}; write tcp://HOST:PORT, as the scheduler prints it, "
-                "or name its scheduler file"
-            ) from None
-        except OSError:
-            raise UnavailableError(
-                f"no scheduler answers at {address} within {_CONNECT:g} s: is `dask scheduler` "
-                "running there, and is its port open to this machine?"
-            ) from None
-        try:
-            yield client
-        finally:
-            with suppress(Exception):  # the cluster may be gone
-                client.close(timeout=_CONNECT if client.status == "running" else _LOOK)
-    finally:
-        log.setLevel(level)
-
-
-def _refuse_versions(client: Client, address: str) -> None:
-    """Compare quito here with that of the scheduler and of the workers that are there by now.
-
-    Raises:
-        UnavailableError: it is missing somewhere, or is another.
-    """
-    found: dict[str, Any] = {}
-    try:
-        found[f"the scheduler at {address}"] = client.run_on_scheduler(remote.version)
-    except Exception as error:
-        found[f"the scheduler at {address}"] = error
-    found |= client.run(remote.version, on_error="return")
-    for where, said in found.items():
-        if isinstance(said, Exception):
-            raise UnavailableError(
-                f"quito cannot be used at {where} ({said}): install quito {__version__} there, in "
-                "the environment that Dask runs in"
-            )
-        if said != __version__:
-            raise UnavailableError(
-                f"quito {said} is installed at {where}, and {__version__} here: install the same "
-                "version everywhere"
-            )
+def _line(error: BaseException) -> str:
+    """Return the first line of what an error says."""
+    return (str(error).splitlines() or [type(error).__name__])[0]

@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Final
 
-from quito_cli.batch.baseline import ANSWERED, Baseline, Figures, known, measured
+from quito_cli.batch.baseline import ANSWERED, Baseline, Figures, known, measured, without_times
 from quito_cli.batch.case import Case, Ending, Figure, Finished
 from quito_cli.batch.rules import RULES, Better, Rule, Tolerance
 from quito_cli.errors import QuitoError
@@ -95,9 +95,10 @@ def compare(
             if recorded is None:
                 rows.append(Difference(name, ENDING, Verdict.NEW, None, SOLVED))
             else:
-                rows += _of_case(
-                    baseline, case, recorded, measured(baseline, case, calibration), maximises
-                )
+                found = measured(baseline, case, calibration)
+                if calibration is None:
+                    recorded = without_times(recorded)
+                rows += _of_case(baseline, case, recorded, found, maximises)
         elif recorded is not None:
             ending = case.ending.name.lower().replace("_", " ")
             rows.append(Difference(name, ENDING, Verdict.WORSE, SOLVED, ending))

@@ -61,12 +61,7 @@ def expanded(
     """
     wrong = [*_wrong_axes(entry, place), *_wrong_names(entry, place, content)]
     over, wrong_over = _over(entry, place, content)
-    wrong += wrong_over
-    count = prod([len(values) for values in entry.matrix.values()] + [len(a.values) for a in over])
-    if count > MAX_CASES:
-        what, key = ("this sweep", "over") if over else ("this matrix", "matrix")
-        message = f"{what} has {count:,} combinations, and {MAX_CASES:,} are the most"
-        wrong.append(Complaint((*place, key), message, key=True))
+    wrong += [*wrong_over, *_too_many(entry, over, place)]
     limits = entry.limits.over(defaults.limits.over(Limits(None, None)))
     options = _options(defaults) | _options(entry)
     options = {key: value for key, value in options.items() if value is not None}
@@ -90,6 +85,15 @@ def expanded(
             yield Draft(case, limits, place)
 
     return cases(), wrong
+
+
+def _too_many(entry: Entry, over: Sequence[Axis], place: Path) -> Iterator[Complaint]:
+    """Yield a complaint where an entry comes to more cases than a suite may have."""
+    count = prod([len(values) for values in entry.matrix.values()] + [len(a.values) for a in over])
+    if count > MAX_CASES:
+        what, key = ("this sweep", "over") if over else ("this matrix", "matrix")
+        message = f"{what} has {count:,} combinations, and {MAX_CASES:,} are the most"
+        yield Complaint((*place, key), message, key=True)
 
 
 def _over(

@@ -30,18 +30,18 @@ class Holding:
     baseline: Baseline
     update: bool
     """Whether it is written anew."""
-    jobs: int
-    """Workers of the run."""
+    jobs: int | None
+    """Workers of the run; None where they are on other machines."""
     calibration: float | None
     """Processor seconds of a calibration solve; None where no time is of interest."""
 
 
-def prepare(path: Path, jobs: int, *, update: bool) -> Holding:
+def prepare(path: Path, jobs: int | None, *, update: bool) -> Holding:
     """Read a baseline, and calibrate where it has times.
 
     Args:
         path: of the file; it need not be there where it is to be written.
-        jobs: workers of the run.
+        jobs: workers of the run; None where they are on other machines, whose times say nothing.
         update: whether it is to be written anew.
 
     Raises:
@@ -51,7 +51,7 @@ def prepare(path: Path, jobs: int, *, update: bool) -> Holding:
     """
     begun = update and not path.exists()
     baseline = Baseline() if begun else baseline_file.read(path)
-    unit = _calibration(jobs) if baseline.timed else None
+    unit = _calibration(jobs) if jobs is not None and baseline.timed else None
     return Holding(path, baseline, update, jobs, unit)
 
 
@@ -101,7 +101,7 @@ def report_of(
         case.ending is Ending.INTERRUPTED for case in cases
     )
     baseline, unit = holding.baseline, holding.calibration
-    if unit is not None and not stopped:
+    if unit is not None and holding.jobs is not None and not stopped:
         unit = min(unit, _calibration(holding.jobs))
     everything = [case.name for case in suite.cases] if whole else None
     rows = compare(baseline, cases, unit, maximises, everything)

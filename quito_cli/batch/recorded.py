@@ -35,15 +35,9 @@ def recorded(suite: Suite, setting: Setting, *, resume: bool) -> Iterator[Finish
         resume: whether to go on where an earlier run stopped: what it finished is yielded first.
 
     Raises:
-        UsageError: there is nothing to resume, it is of other cases, or another run is at it; or
-            results are not kept that other cases start from.
+        UsageError: there is nothing to resume, it is of other cases, or another run is at it.
         ResultFileError: the journal cannot be read or written.
     """
-    if setting.keep != "all" and any(case.follows for case in suite.cases):
-        raise UsageError(
-            f"keep: cases start from the results of others, and {setting.keep!r} does not keep "
-            "those: leave it out"
-        )
     with Journal(journal_path(setting.folder, suite), suite.cases, resume=resume) as journal:
         yield from (journal.done[c.name] for c in suite.cases if c.name in journal.done)
         for finished in _runner(setting)(suite.cases, setting, journal.done):

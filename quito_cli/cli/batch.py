@@ -169,7 +169,7 @@ def batch(
     from quito_cli.cli.live import Live
 
     workers = jobs or available()
-    holding = wanted.prepare(min(workers, len(suite.cases)))
+    holding = wanted.prepare(min(workers, len(suite.cases)) if cluster is None else None)
     record = holding.baseline.costly if holding else ()
     live = Live(len(suite.cases), silent=as_json, quiet=quiet, verbose=verbose)
     setting = Setting(
@@ -181,9 +181,9 @@ def batch(
     seconds = time.perf_counter() - began
     report = report_of(suite, finished, seconds, holding, whole=not only)
     files = wanted.write(report)
-    _report(report, output, files, as_json=as_json, quiet=quiet, verbose=verbose)
     if sweeps:
-        _write_sweeps(suite, finished, output, quiet=quiet or as_json)
+        files += _write_sweeps(suite, finished, output)
+    _report(report, output, files, as_json=as_json, quiet=quiet, verbose=verbose)
     if update_baseline and not report.recorded:
         typer.echo(f"{baseline} is as it was: the run stopped before its end.", err=True)
     _leave(report, interrupted)
@@ -242,22 +242,20 @@ def _report(
         typer.echo(f"Saved {', '.join(map(str, files))}")
 
 
-def _write_sweeps(
-    suite: Suite, finished: tuple[Finished, ...], folder: Path, *, quiet: bool
-) -> None:
-    """Write and draw the grids of a suite."""
+def _write_sweeps(suite: Suite, finished: tuple[Finished, ...], folder: Path) -> tuple[Path, ...]:
+    """Write and draw the grids of a suite; return the paths."""
     from quito_cli.batch.dataset import save
     from quito_cli.batch.sweep import collected
     from quito_cli.batch.sweeping import SHOWN, SUFFIX, grids
     from quito_cli.plots.sweep import draw_all
 
+    written: list[Path] = []
     for grid in grids(suite):
         swept = collected(grid, finished)
         path = folder / f"{grid.name}{SUFFIX}.h5"
         save(swept, path)
-        drawn = draw_all(swept, SHOWN, folder, "png")
-        if not quiet:
-            typer.echo(f"Saved {', '.join(map(str, (path, *drawn)))}")
+        written += (path, *draw_all(swept, SHOWN, folder, "png"))
+    return tuple(written)
 
 
 def _leave(report: Report, interrupted: bool) -> None:

@@ -80,8 +80,12 @@ class Wanted:
             if path is not None:
                 check_file(path)
 
-    def prepare(self, jobs: int) -> Holding | None:
-        """Return the baseline to hold a run of so many workers against, if there is one."""
+    def prepare(self, jobs: int | None) -> Holding | None:
+        """Return the baseline to hold a run against, if there is one.
+
+        Args:
+            jobs: its workers here; None where they are on other machines.
+        """
         if self.baseline is None:
             return None
         from quito_cli.batch.holding import prepare

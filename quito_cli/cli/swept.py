@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Final
 import typer
 
 from quito_cli.batch.axes import shadowed
-from quito_cli.cli.report import finite
 from quito_cli.cli.text import columns, plain
+from quito_cli.summary.dictionary import finite
 
 if TYPE_CHECKING:
     from quito_cli.batch.case import Figure, Finished
@@ -34,7 +34,7 @@ def print_swept(
         fg="green" if solved == count else "red",
     )
     paragraphs = [f"{title}\n{word} {solved} of {count} cases", _table(swept, shown)]
-    paragraphs += [f"{name}: {said}" for name, said in _notes(swept).items()]
+    paragraphs += [f"{name}: {said}" for name, said in _notes(swept, shown).items()]
     written = ", ".join(map(str, files))
     paragraphs.append(f"Saved {written}\nResults of the cases in {folder}")
     typer.echo("\n" + "\n\n".join(paragraphs))
@@ -62,7 +62,7 @@ def print_json(swept: Swept, shown: tuple[str, ...], files: tuple[Path, ...]) ->
         ],
         "solved": swept.solved.count(True),
         "exit_code": exit_code(one for one in swept.finished if one is not None),
-        "notes": [f"{name}: {said}" for name, said in _notes(swept).items()],
+        "notes": [f"{name}: {said}" for name, said in _notes(swept, shown).items()],
         "hdf5": str(hdf5),
         "plots": list(map(str, plots)),
     }
@@ -85,10 +85,19 @@ def _as_data(name: str, axes: Any, one: Finished | None) -> dict[str, Any]:
     }
 
 
-def _notes(swept: Swept) -> dict[str, str]:
-    """Return what a reader must know of the axes, by their names."""
+def _notes(swept: Swept, shown: tuple[str, ...]) -> dict[str, str]:
+    """Return what a reader must know of axes and figures, by their names."""
     said = "a constant of the problem and an option of a solve; the constant was swept"
-    return dict.fromkeys(shadowed(swept.sweep.axes), said)
+    notes = dict.fromkeys(shadowed(swept.sweep.axes), said)
+    for name in shown:
+        count = sum(
+            name not in one.figures
+            for one, solved in zip(swept.finished, swept.solved, strict=True)
+            if one is not None and solved
+        )
+        if count:
+            notes[name] = f"not found of {count} cases done before; leave --resume out to have it"
+    return notes
 
 
 def _table(swept: Swept, shown: tuple[str, ...]) -> str:

@@ -148,7 +148,9 @@ def _curves(plot: Axes, cases: _Cases, grid: Array, hue: Hue | None) -> None:
     for index in cases.families:
         values = grid[index].reshape(len(x), -1)
         look = _look(cases, index, hue)
-        joined = {} if values.shape[1] == 1 else {"linestyle": "none"}  # the second may come and go
+        joined = {"linestyle": "none"}  # names have no order, and of several times some come and go
+        if axis.numeric and values.shape[1] == 1:
+            joined = {}
         for column in values.T:
             plot.plot(x, column, marker="o", markersize=3.5, linewidth=1.2, **look | joined)
         missing = ~cases.solved[index]
@@ -178,7 +180,7 @@ def _map(plot: Axes, swept: Swept, grid: Array, solved: NDArray[np.bool_]) -> No
     known = np.ma.masked_invalid(grid.T)
     mesh = plot.pcolormesh(edges(first), edges(second), known, cmap=MAP, norm=norm)
     x, y = positions(first), positions(second)
-    if known.max() - known.min() > 1e-9 * np.abs(known).max() and (known != known.round()).any():
+    if len(np.unique(known.compressed())) == known.count():  # counts and zeros have no contours
         plot.contour(x, y, known, colors="white", linewidths=0.7, alpha=0.7, norm=norm)
     plot.set_facecolor("#EEEEEE")
     missing = np.argwhere(~solved)
