@@ -101,7 +101,7 @@ class View:
         if draft is None:
             text = self._services.shelf.read("library", FIRST)
             draft = Draft(FIRST, "library", text, {})
-        await self._take_up(draft)
+        self._take_up(draft)
         self._client.run_javascript("quito.restored()")
         self._bar.rest()
         await self._results.begin(tab)
@@ -119,7 +119,7 @@ class View:
         if before.place == "own" or before.text != self._saved(before):
             self._tab.put_aside(before)
         self._tab.aside.pop(draft.name, None)
-        await self._take_up(draft)
+        self._take_up(draft)
 
     def _saved(self, draft: Draft) -> str:
         """Return the text of a draft as it stands on the shelf; nothing where it does not."""
@@ -130,14 +130,14 @@ class View:
         except QuitoError:
             return ""
 
-    async def _take_up(self, draft: Draft) -> None:
+    def _take_up(self, draft: Draft) -> None:
         draft = replace(draft, text=_lines(draft.text))
         self._tab.draft = draft
         self._choose.show(draft, self._tab.aside)
         self._edit.show(draft.name, draft.text)
         self._form.begin(draft.name, draft.chosen)
         self._keep()
-        await self._check(draft.text)
+        self._look(draft.text, 0.0)
 
     def _keep(self) -> None:
         """Tell the browser what stands beside the text, for the draft it keeps."""
@@ -155,12 +155,17 @@ class View:
             self._form.rename(draft.name)
             self._keep()
         self._tab.draft = draft
+        self._look(text, _DEBOUNCE)
+
+    def _look(self, text: str, seconds: float) -> None:
+        """Look at a text after some seconds, unless there is another one by then."""
         if self._checking is not None:
             self._checking.cancel()
-        self._checking = background_tasks.create(self._check_soon(text), name="look at the text")
+        soon = self._check_soon(text, seconds)
+        self._checking = background_tasks.create(soon, name="look at the text")
 
-    async def _check_soon(self, text: str) -> None:
-        await asyncio.sleep(_DEBOUNCE)
+    async def _check_soon(self, text: str, seconds: float) -> None:
+        await asyncio.sleep(seconds)
         with self._client:
             await self._check(text)
 

@@ -85,6 +85,7 @@ def _serve(
     from quito_cli.gui.guard import Guard, address, doors
     from quito_cli.gui.page import page
     from quito_cli.gui.page_state import Services, Tabs
+    from quito_cli.gui.settings import settings
     from quito_cli.gui.shelf import Shelf
 
     shelf = Shelf(folder, LIMITS.characters)
@@ -105,6 +106,7 @@ def _serve(
     app.on_page_exception(_apologise)
     app.on_startup(lambda: say(address(allowed)))
     app.on_startup(checker.solvers)  # it takes a second, and the first page wants to know
+    settings({})  # so does this a little
     app.timer(_SWEEP, services.tabs.sweep)
     if not os.environ.get("QUITO_DEBUG"):  # errors are told on the page, without tracebacks
         logging.getLogger("nicegui").setLevel(logging.CRITICAL)
