@@ -23,6 +23,7 @@ selenium = pytest.importorskip("selenium", reason="the page's tests need seleniu
 from selenium import webdriver  # noqa: E402
 from selenium.common.exceptions import WebDriverException  # noqa: E402
 from selenium.webdriver.chrome.service import Service  # noqa: E402
+from selenium.webdriver.common.actions.action_builder import ActionBuilder  # noqa: E402
 from selenium.webdriver.common.by import By  # noqa: E402
 from selenium.webdriver.common.keys import Keys  # noqa: E402
 from selenium.webdriver.remote.webelement import WebElement  # noqa: E402
@@ -233,6 +234,17 @@ class Page:
 
     def press(self, *keys: str) -> None:
         webdriver.ActionChains(self.driver).send_keys(*keys).perform()
+
+    def hover(self, selector: str, down: int) -> None:
+        """Rest with the pointer on an element, in its middle so many pixels from its top."""
+        element = self.by(selector)
+        self.run("arguments[0].scrollIntoView()", element)
+        box = self.run("return arguments[0].getBoundingClientRect().toJSON()", element)
+        actions = ActionBuilder(self.driver)
+        actions.pointer_action.move_to_location(
+            int(box["x"] + box["width"] / 2), int(box["y"] + down)
+        )
+        actions.perform()
 
     def run_keys(self) -> None:
         """Press Ctrl+Enter."""

@@ -230,20 +230,23 @@ def test_nothing_outside_of_the_folder(page: Page) -> None:
 
 def test_save_into_the_folder(page: Page, server: Server) -> None:
     page.type("# saved\n" + page.text())
-    page.button("Save").click()
-    page.until(lambda: page.all(".q-dialog input"))
-    field = page.by(".q-dialog input")
-    field.send_keys(Keys.CONTROL, "a")
-    field.send_keys("../escaped")
-    page.by(".q-dialog .main").click()
+    _save(page, "../escaped")
     page.until(lambda: "no name" in page.status())
-    page.until(lambda: not page.all(".q-dialog"))
-    page.button("Save").click()
-    page.until(lambda: page.all(".q-dialog input"))
-    page.by(".q-dialog .main").click()
+    _save(page, "alychan.yaml")
     page.until((server.folder / "alychan.yaml").is_file)
     assert (server.folder / "alychan.yaml").read_text("utf-8").startswith("# saved")
     assert not (server.folder.parent / "escaped.yaml").exists()
+
+
+def _save(page: Page, name: str) -> None:
+    page.until(lambda: not page.all(".q-dialog"))
+    page.button("Save").click()
+    field = page.until(lambda: page.by(".q-dialog input"))
+    page.until(field.is_displayed)
+    field.send_keys(Keys.CONTROL, "a")
+    field.send_keys(name)
+    page.until(lambda: field.get_attribute("value") == name)
+    field.send_keys(Keys.ENTER)
 
 
 def test_runs_are_laid_over_one_another_and_compared(page: Page) -> None:
@@ -254,6 +257,13 @@ def test_runs_are_laid_over_one_another_and_compared(page: Page) -> None:
     page.click("[aria-label='Lay run 1 over it']")
     page.tab("Plots")
     page.until(lambda: "1: alychan" in page.by(".legend").text)
+    page.hover("#plot svg", 90)
+    page.until(lambda: "t = " in page.by("#plot").text)
+    said = page.by("#plot").text.partition("t = ")[2]
+    for line in ("u", "u, 1: alychan", "u, reference", "x3, 1: alychan"):
+        assert re.search(rf"^{line}\s+-?[\d.]+", said, re.MULTILINE), said
+    page.run("quito.zoom(0.5)")
+    page.until(lambda: page.run("return quito.chart().getOption().dataZoom[0].end") == 75)
     page.tab("Compare")
     page.button("With LGR collocation").click()
     page.until(lambda: "lgr" in page.by(".q-tab-panels").text.lower() and page.all("table caption"))

@@ -431,7 +431,7 @@ def test_a_picture_has_bounds_marks_arcs_and_the_reference() -> None:
         "at a bound",
     ]
     series = drawn.options["series"]
-    assert [each["name"] for each in series] == ["~bound -1", "~bound 1", "u", "reference"]
+    assert [each["name"] for each in series] == ["~bound -1", "~bound 1", "u", "u, reference"]
     assert series[-1]["markLine"]["data"][0]["xAxis"] == 0.5
     assert len(series[-1]["markArea"]["data"]) == 1
     assert "u jumps" in drawn.said

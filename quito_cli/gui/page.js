@@ -79,31 +79,48 @@ const quito = {
     if (size !== 0 && (size < 1e-3 || size >= 1e5)) return value.toExponential(3);
     return String(Number(value.toPrecision(6)));
   },
+  // ECharts itself tells only of the lines that have a point just there.
   hover(points) {
-    const list = Array.isArray(points) ? points : [points];
     const box = document.createElement("div");
+    const place = document.querySelector(".nicegui-echart:hover");
+    const options = place && getElement(place.id.slice(1))?.options;
+    const at = (Array.isArray(points) ? points[0] : points)?.axisValue;
+    if (!options || at === undefined) return box;
     const head = document.createElement("div");
-    if (!list.length) return box;
-    head.textContent = `t = ${quito.number(list[0].axisValue)}`;
+    head.textContent = `${options.xAxis.at(-1).name} = ${quito.number(at)}`;
     head.style.fontWeight = "600";
     box.append(head);
-    const seen = new Set();
-    for (const point of list) {
-      if (point.seriesName.startsWith("~") || seen.has(point.seriesId)) continue;
-      seen.add(point.seriesId);
-      const row = document.createElement("div");
-      const name = document.createElement("span");
-      const value = document.createElement("span");
-      const line = document.createElement("i");
-      line.style.cssText = `display:inline-block;width:12px;border-top:2px solid ${point.color};margin-right:6px;vertical-align:middle`;
-      name.textContent = point.seriesName;
-      value.textContent = quito.number(point.value[1]);
-      value.style.cssText = "float:right;margin-left:18px;font-family:var(--mono)";
-      row.append(line, name, value);
-      box.append(row);
+    for (const line of options.series) {
+      const value = line.name.startsWith("~") ? null : quito.value(line.data, at);
+      if (value !== null) box.append(quito.row(line, value));
     }
     return box;
   },
+  row(line, value) {
+    const row = document.createElement("div");
+    const [mark, name, number] = ["i", "span", "span"].map((tag) => document.createElement(tag));
+    const style = line.lineStyle.type;
+    mark.style.cssText = `display:inline-block;width:14px;border-top:2px ${style} ${line.color};margin-right:6px;vertical-align:middle`;
+    number.style.cssText = "float:right;margin-left:18px;font-family:var(--mono)";
+    name.textContent = line.name;
+    number.textContent = quito.number(value);
+    row.append(mark, name, number);
+    return row;
+  },
+  // The value of a line at `at`, linear between its points; null where there is none.
+  value(data, at) {
+    let low = 0, high = data.length - 1;
+    if (high < 0 || at < data[low][0] || at > data[high][0]) return null;
+    while (high - low > 1) {
+      const middle = (low + high) >> 1;
+      if (data[middle][0] <= at) low = middle;
+      else high = middle;
+    }
+    const [[a, x], [b, y]] = [data[low], data[high]];
+    if (x === null || y === null) return b === at ? y : a === at ? x : null;
+    return b > a ? x + ((y - x) * (at - a)) / (b - a) : y;
+  },
+
   // Zoom of the plots: by a band drawn with the pointer, and by buttons for who has none.
   chart() {
     const place = document.getElementById("plot");

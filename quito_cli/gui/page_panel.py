@@ -25,7 +25,7 @@ _SHADES = {
 """Of the stretches that are shaded; interior arcs are what is left."""
 _WORDS = {"lower": "at a bound", "upper": "at a bound"}
 """What the legend says of stretches, where it is not what the answer says."""
-_BOUND_POINTS = 60
+_BOUND_POINTS = 300
 Points = tuple[tuple[float | None, float | None], ...]
 
 
@@ -89,7 +89,8 @@ class Panel:
         drawn = [*self._outlines(), *self._bounds(), *self._others()]
         for line, colour in self._coloured():
             style, height = ("dashed", 5) if line.role == "reference" else ("solid", 4)
-            drawn.append(self._line(line.name, line, colour, style, height))
+            name = f"{self.chart.name}, {line.name}" if line.name == "reference" else line.name
+            drawn.append(self._line(name, line, colour, style, height))
         if drawn:
             drawn[-1] |= self._marks()
         return drawn
