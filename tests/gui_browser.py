@@ -23,7 +23,6 @@ selenium = pytest.importorskip("selenium", reason="the page's tests need seleniu
 from selenium import webdriver  # noqa: E402
 from selenium.common.exceptions import WebDriverException  # noqa: E402
 from selenium.webdriver.chrome.service import Service  # noqa: E402
-from selenium.webdriver.common.actions.action_builder import ActionBuilder  # noqa: E402
 from selenium.webdriver.common.by import By  # noqa: E402
 from selenium.webdriver.common.keys import Keys  # noqa: E402
 from selenium.webdriver.remote.webelement import WebElement  # noqa: E402
@@ -240,11 +239,8 @@ class Page:
         element = self.by(selector)
         self.run("arguments[0].scrollIntoView()", element)
         box = self.run("return arguments[0].getBoundingClientRect().toJSON()", element)
-        actions = ActionBuilder(self.driver)
-        actions.pointer_action.move_to_location(
-            int(box["x"] + box["width"] / 2), int(box["y"] + down)
-        )
-        actions.perform()
+        place = {"x": box["x"] + box["width"] / 2, "y": box["y"] + down}
+        self.driver.execute_cdp_cmd("Input.dispatchMouseEvent", {"type": "mouseMoved", **place})
 
     def run_keys(self) -> None:
         """Press Ctrl+Enter."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import re
 import time
+import urllib.error
+import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -342,6 +344,19 @@ def test_nothing_came_from_elsewhere(page: Page, server: Server) -> None:
     assert len(page.requested) > 20
     assert [url for url in page.requested if not url.startswith(own)] == []
     assert page.complaints == []
+
+
+def test_on_other_addresses_a_token_is_needed(browser: Page, tmp_path: Path) -> None:
+    with serving(tmp_path, "--host", "0.0.0.0") as open_to_all:
+        address = re.sub(r"//[^:/]+:", "//127.0.0.1:", open_to_all.address)
+        plain, _, token = address.partition("?token=")
+        assert len(token) > 20
+        with pytest.raises(urllib.error.HTTPError, match="401"):
+            urllib.request.urlopen(plain, timeout=10)
+        browser.open(address)  # its socket is let in by the cookie
+        assert "Aly-Chan" in browser.text()
+        assert "token" not in browser.driver.current_url
+        browser.driver.get("about:blank")
 
 
 def test_ctrl_c_ends_it_with_its_workers(tmp_path: Path) -> None:

@@ -9,11 +9,15 @@ import gc
 import os
 import socket
 import sys
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from quito_cli.errors import UnavailableError, UsageError
+
+if TYPE_CHECKING:
+    from quito_cli.gui.page_state import Services
 
 _ICON = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 32 32"><rect width="32" height="32" '
@@ -73,69 +77,98 @@ def serve(
 def _serve(
     folder: Path | None, host: str, port: int, browser: bool, say: Callable[[str], None]
 ) -> None:
-    import logging
-
-    from nicegui import app, ui
+    from nicegui import app
     from starlette.requests import Request
     from starlette.responses import PlainTextResponse, Response
 
+    from quito_cli.gui.guard import Guard, address, doors
+    from quito_cli.gui.page import page
+    from quito_cli.gui.settings import settings
+
+    settings({})  # it takes a moment, and the first page wants to know
+    with _services(folder) as services:
+        allowed = doors(host, port)
+        app.add_middleware(Guard, doors=allowed)
+
+        async def root(request: Request) -> Response | None:
+            if request.url.path != "/":  # NiceGUI asks for the page wherever there is nothing
+                return PlainTextResponse("There is nothing here.\n", 404)
+            await page(services)
+            return None
+
+        app.on_exception(_tell)
+        app.on_page_exception(_apologise)
+        app.on_startup(lambda: _announce(address(allowed), say, browser))
+        app.on_startup(services.checker.solvers)  # so does this
+        app.timer(_SWEEP, services.tabs.sweep)
+        _run(root, host, port)
+
+
+@contextmanager
+def _services(folder: Path | None) -> Iterator[Services]:
+    """What the page stands on, for as long as it is served."""
     from quito_cli.gui.checking import Checker
     from quito_cli.gui.desk import LIMITS, Desk
     from quito_cli.gui.exports import Exporter
-    from quito_cli.gui.guard import Guard, address, doors
-    from quito_cli.gui.page import page
     from quito_cli.gui.page_state import Services, Tabs
-    from quito_cli.gui.settings import settings
     from quito_cli.gui.shelf import Shelf
 
     shelf = Shelf(folder, LIMITS.characters)
     desk = Desk(LIMITS, workers=workers())
     checker = Checker(_CHECK_SECONDS, _CHECK_MEMORY, LIMITS.characters)
     exporter = Exporter(_EXPORT_SECONDS, LIMITS.memory)
-    services = Services(desk, checker, exporter, shelf, Tabs(desk), LIMITS.characters)
-    allowed = doors(host, port)
-    app.add_middleware(Guard, doors=allowed)
-
-    async def root(request: Request) -> Response | None:
-        if request.url.path != "/":  # NiceGUI asks for the page wherever there is nothing
-            return PlainTextResponse("There is nothing here.\n", 404)
-        await page(services)
-        return None
-
-    app.on_exception(_tell)
-    app.on_page_exception(_apologise)
-    app.on_startup(lambda: say(address(allowed)))
-    app.on_startup(checker.solvers)  # it takes a second, and the first page wants to know
-    settings({})  # so does this a little
-    app.timer(_SWEEP, services.tabs.sweep)
-    if not os.environ.get("QUITO_DEBUG"):  # errors are told on the page, without tracebacks
-        logging.getLogger("nicegui").setLevel(logging.CRITICAL)
     try:
-        with suppress(KeyboardInterrupt):
-            ui.run(
-                root,
-                host=host,
-                port=port,
-                title="quito",
-                favicon=_ICON,
-                dark=None,
-                language="en-GB",
-                show=address(allowed) if browser else False,
-                reload=False,
-                tailwind=False,
-                gzip_middleware_factory=None,  # on the loopback it costs more than it saves
-                show_welcome_message=False,
-                reconnect_timeout=_RECONNECT,
-                binding_refresh_interval=None,
-                message_history_length=_HISTORY,
-                uvicorn_logging_level="error",
-                server_header=False,
-                timeout_graceful_shutdown=2,
-            )
+        yield Services(desk, checker, exporter, shelf, Tabs(desk), LIMITS.characters)
     finally:
         checker.close()
         exporter.close()
         desk.close()
+        shelf.close()
+
+
+def _run(root: Callable[..., Any], host: str, port: int) -> None:
+    """Run NiceGUI's server until Ctrl-C."""
+    import logging
+
+    from nicegui import ui
+
+    if not os.environ.get("QUITO_DEBUG"):  # errors are told on the page, without tracebacks
+        logging.getLogger("nicegui").setLevel(logging.CRITICAL)
+    with suppress(KeyboardInterrupt):
+        ui.run(
+            root,
+            host=host,
+            port=port,
+            title="quito",
+            favicon=_ICON,
+            dark=None,
+            language="en-GB",
+            show=False,
+            reload=False,
+            tailwind=False,
+            gzip_middleware_factory=None,  # on the loopback it costs more than it saves
+            show_welcome_message=False,
+            reconnect_timeout=_RECONNECT,
+            binding_refresh_interval=None,
+            message_history_length=_HISTORY,
+            uvicorn_logging_level="error",
+            server_header=False,
+            timeout_graceful_shutdown=2,
+        )
+
+
+async def _announce(where: str, say: Callable[[str], None], browser: bool) -> None:
+    """Tell the address once it answers, and open it."""
+    import asyncio
+    import webbrowser
+
+    from nicegui.server import Server
+
+    while not Server.instance.started:
+        await asyncio.sleep(0.01)
+    say(where)
+    if browser:
+        await asyncio.to_thread(webbrowser.open, where)
 
 
 def _tell(error: Exception) -> None:
