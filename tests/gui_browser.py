@@ -153,11 +153,21 @@ class Page:
     def all(self, selector: str) -> list[WebElement]:
         return self.driver.find_elements(By.CSS_SELECTOR, selector)
 
-    def button(self, words: str) -> WebElement:
-        """Return the button that says that."""
-        found = [e for e in self.all("button") if e.text.strip() == words and e.is_displayed()]
-        assert found, f"no button {words}"
-        return found[0]
+    def push(self, words: str, kind: str = "button") -> None:
+        """Click the button, tab or entry of a list whose words begin so, once it can be clicked."""
+        find = (
+            "const [kind, words] = arguments;"
+            "return [...document.querySelectorAll(kind)].find("
+            "e => e.innerText.trim().startsWith(words) && e.checkVisibility() && !e.disabled)"
+        )
+
+        def pushed() -> bool:  # the page may put another one in its place meanwhile
+            element = self.run(find, kind, words)
+            if element is not None:
+                element.click()
+            return element is not None
+
+        self.until(pushed)
 
     def text(self) -> str:
         """Return what is in the editor."""
@@ -248,16 +258,19 @@ class Page:
         chain.key_down(Keys.CONTROL).send_keys(Keys.ENTER).key_up(Keys.CONTROL).perform()
 
     def click(self, selector: str) -> None:
-        self.until(lambda: self.by(selector).is_enabled())
-        self.by(selector).click()
+        """Click an element once it can be clicked."""
+
+        def clicked() -> bool:
+            element = self.by(selector)
+            if enabled := element.is_enabled():
+                element.click()
+            return enabled
+
+        self.until(clicked)
 
     def tab(self, name: str) -> None:
         """Go to a tab of the results."""
-        for element in self.all(".q-tab"):
-            if element.text.startswith(name):
-                element.click()
-                return
-        raise AssertionError(f"no tab {name}")
+        self.push(name, ".q-tab")
 
     def solved(self) -> None:
         """Run, and wait for the plot of a new answer."""
@@ -276,10 +289,7 @@ class Page:
         field = self.by(".choose .q-select input")
         field.click()
         field.send_keys(problem)
-        self.until(lambda: self.all(".q-menu .q-item"))
-        self.until(lambda: [e for e in self.all(".q-menu .q-item") if e.text.startswith(problem)])[
-            0
-        ].click()
+        self.push(problem, ".q-menu .q-item")
 
     def downloaded(self, name: str) -> Path:
         """Wait for a download."""

@@ -132,14 +132,14 @@ def test_an_upload_is_solved(page: Page, tmp_path: Path) -> None:
 def test_the_result_is_downloaded_and_loaded(page: Page) -> None:
     page.set_field("steps", "40")
     page.solved()
-    page.button("HDF5").click()
+    page.push("HDF5")
     solution = quito.Solution.load(page.downloaded("alychan.h5"))
     assert solution.success
     assert solution.options["steps"] == 40
-    page.button("CSV").click()
+    page.push("CSV")
     head = page.downloaded("alychan.csv").read_text().splitlines()[0]
     assert {"t", "x1", "u"} <= set(re.split(r"[,;]", head))
-    page.button("Report").click()
+    page.push("Report")
     assert "Aly-Chan" in page.downloaded("alychan.html").read_text("utf-8")
 
 
@@ -242,7 +242,7 @@ def test_save_into_the_folder(page: Page, server: Server) -> None:
 
 def _save(page: Page, name: str) -> None:
     page.until(lambda: not page.all(".q-dialog"))
-    page.button("Save").click()
+    page.push("Save")
     field = page.until(lambda: page.by(".q-dialog input"))
     page.until(field.is_displayed)
     field.send_keys(Keys.CONTROL, "a")
@@ -267,7 +267,7 @@ def test_runs_are_laid_over_one_another_and_compared(page: Page) -> None:
     page.run("quito.zoom(0.5)")
     page.until(lambda: page.run("return quito.chart().getOption().dataZoom[0].end") == 75)
     page.tab("Compare")
-    page.button("With LGR collocation").click()
+    page.push("With LGR collocation")
     page.until(lambda: "lgr" in page.by(".q-tab-panels").text.lower() and page.all("table caption"))
     page.until(lambda: "Compared" in page.status())
 
