@@ -114,12 +114,18 @@ class Setting:
         """Return a phase in which every free control has what determines it.
 
         A row whose controls are all at bounds is not held by any of them, and says nothing. A
-        control that H is affine in is free only where a row takes it; else it is singular.
+        control that H is affine in is free only where a row takes it; else it is singular. There is
+        nothing at a bound that is infinite.
 
         Raises:
             UnsupportedError: a control is between its bounds and nothing determines it.
         """
         kinds, affine = list(phase.kinds), set(self.controls.of_kind("affine"))
+        for kind, bound in zip(("lower", "upper"), self.system.model.control_bounds, strict=True):
+            kinds = [
+                "free" if own == kind and np.isinf(value) else own
+                for own, value in zip(kinds, bound, strict=True)
+            ]
         for i in (*self.controls.of_kind("kinked"), *self.controls.of_kind("absent")):
             if kinds[i] in ("free", "singular"):
                 why = "has a kink in it" if self.controls.kinds[i] == "kinked" else "is without it"
