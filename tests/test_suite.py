@@ -352,6 +352,17 @@ def test_a_matrix_may_not_explode(folder: Path, monkeypatch: pytest.MonkeyPatch)
     assert said.endswith("more than 3 cases are too many")
 
 
+@pytest.mark.parametrize("wrong", ["", ", set: {nothing: 1}"])
+def test_a_suite_of_huge_sweeps_is_soon_given_up(folder: Path, wrong: str) -> None:
+    """One of them takes a tenth of a second to spell out: all would take minutes."""
+    sweep = "{{problem: cart.yaml, name: n{}, over: {{k: '0:1:9999'}}{}}}"
+    text = f"cases: [{', '.join(sweep.format(i, wrong) for i in range(1000))}]"
+    began = time.process_time()
+    said = complaints(folder, text)
+    assert said
+    assert time.process_time() - began < 20
+
+
 @pytest.mark.parametrize(
     "text",
     [

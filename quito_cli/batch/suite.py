@@ -31,6 +31,8 @@ from quito_cli.problem.text.source import Source
 from quito_cli.problem.text.strict_yaml import read
 from quito_cli.problem.validate import real_path
 
+MOST_WRONG: Final = 25
+"""Complaints after which the rest of a file is not looked at: it could take for ever."""
 DEEPEST: Final = 8
 """Suites that include one another, in a row."""
 SEVERAL: Final = "batch"
@@ -192,6 +194,8 @@ class _Reader:
                 raise
             except UsageError as error:
                 wrong.append(Complaint(place, str(error)))
+            if len(found) > MAX_CASES or len(wrong) > MOST_WRONG:
+                return found
         wrong += _twice(found)
         return found
 
