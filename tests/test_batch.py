@@ -570,6 +570,14 @@ def test_a_list_of_cases_solves_none(quito_: Callable[..., Ran], folder: Path) -
         ["push[way=2]", "push.yaml", "way=2", "1"],
     ]
     assert not (folder / "results").exists()
+    (folder / "other.yaml").write_text(
+        "cases: [{problem: push.yaml, options: {polish: true}, over: {way: '1:2:2'}}]",
+        encoding="utf-8",
+    )
+    assert [line.split() for line in quito_("other.yaml", "--list").out.splitlines()[1:]] == [
+        ["push[way=1]", "push.yaml", "polish=true", "way=1", "0"],
+        ["push[way=2]", "push.yaml", "polish=true", "way=2", "0"],
+    ]
     listed = quito_("suite.yaml", "--list", "--json").json
     assert [case["case"] for case in listed["cases"]] == ["push[way=1]", "push[way=2]"]
 
