@@ -24,6 +24,7 @@ COMMANDS = (
     "plot",
     "generating-functions",
     "solvers",
+    "gui",
     "schema",
 )
 

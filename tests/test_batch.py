@@ -493,7 +493,7 @@ def test_a_suite_in_a_verdict_out(quito_: Callable[..., Ran], folder: Path) -> N
         (["push.yaml", "--set", "wai=5"], 2, {"refused": 1}),
         (["push.yaml", "--solver", "knitro"], 2, {"refused": 1}),
         (["suite.yaml", "--time-limit", "0.001"], 1, {"timed_out": 2}),
-        (["van_der_pol", "--memory-limit", "100MB"], 1, {"out_of_memory": 1}),
+        (["rayleigh", "-N", "5000", "--memory-limit", "100MB"], 1, {"out_of_memory": 1}),
     ],
 )
 def test_exit_codes(

@@ -309,3 +309,16 @@ def test_the_policy_lets_nothing_in_from_elsewhere() -> None:
 def test_the_host_of_the_policy_is_nothing_else() -> None:
     answer = Web(KEPT).ask(host="a.example; script-src *", cookie=f"quito-{PORT}=the-token")
     assert answer.status == 403
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ([("content-length", "3000000")], 200),
+        ([("content-length", "5000000")], 413),
+        ([("content-length", "-1")], 413),
+        ([("transfer-encoding", "chunked")], 413),
+    ],
+)
+def test_nobody_brings_more_than_a_problem_file_has(headers: Headers, status: int) -> None:
+    assert Web(OPEN).ask_with("/", headers, method="POST").status == status

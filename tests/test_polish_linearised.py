@@ -45,7 +45,7 @@ def problem() -> tuple[System, Direct]:
     solution = quito.solve(given, steps=30)
     setting = Setting(pontryagin(build(given)))
     direct = Direct(setting, solution, Look.at(setting.system, solution))
-    structure = shown(setting, solution, direct.impulses, None)
+    structure = shown(setting, solution, direct.impulses, None, tied=False)
     return System(setting, structure, ends_held(direct, structure), gauss(4)), direct
 
 

@@ -17,6 +17,7 @@ from quito_cli.cli.batch import batch
 from quito_cli.cli.check import check
 from quito_cli.cli.compare import compare
 from quito_cli.cli.generating_functions import generating_functions
+from quito_cli.cli.gui import gui
 from quito_cli.cli.list import list_problems
 from quito_cli.cli.new import new
 from quito_cli.cli.plot import plot
@@ -67,6 +68,7 @@ app.command("show")(show)
 app.command("new")(new)
 app.command("plot")(plot)
 app.command("generating-functions")(generating_functions)
+app.command("gui")(gui)
 app.command("schema")(schema)
 app.command("solvers")(solvers)
 

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 _LOOPBACK: Final = frozenset({"localhost", "127.0.0.1", "[::1]"})
 _HOST: Final = re.compile(r"(?P<name>\[[0-9a-f:.]+\]|[0-9a-z._-]+)(:(?P<port>[0-9]{1,5}))?")
 _PARAMETER: Final = "token"
+_MOST_BYTES: Final = 4_000_000
+"""Of what a request brings: an upload of the longest text in four bytes a character, and more."""
 _HEADERS: Final = {
     "x-content-type-options": "nosniff",
     "referrer-policy": "no-referrer",
@@ -98,6 +100,8 @@ class Guard:
         host = headers.get("host", "").lower()
         if refusal := self._foreign(host, headers):
             await _refuse(scope, send, 403, refusal)
+        elif scope["type"] == "http" and _too_much(headers):
+            await _refuse(scope, send, 413, "That is more than a problem file has.")
         elif self._known(headers):
             await self._app(scope, receive, _dressed(send, host))
         elif scope["type"] == "http" and self._knows(_token_of(scope)):
@@ -146,6 +150,12 @@ class Guard:
         await _answer(
             send, 303, "", {"location": path + (f"?{rest}" if rest else ""), "set-cookie": cookie}
         )
+
+
+def _too_much(headers: dict[str, str]) -> bool:
+    """Whether a request brings more than it may, or does not say how much: it would be kept."""
+    length = headers.get("content-length", "0")
+    return "transfer-encoding" in headers or not length.isdecimal() or int(length) > _MOST_BYTES
 
 
 def _first_of_each(scope: Scope) -> dict[str, str]:

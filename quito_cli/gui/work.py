@@ -107,13 +107,13 @@ def _solved(work: Work, problem: Problem, told: _Telling) -> tuple[Solution, Ans
 
 
 def _compared(work: Work, problem: Problem, told: _Telling) -> tuple[Solution, Answer, bool]:
-    from quito_cli.comparison.compare import compare
+    from quito_cli.comparison.compare import OF_OUR_ROW, compare
     from quito_cli.gui.answering import of_comparison
 
     assert work.against is not None
-    found = compare(
-        problem, work.against, result=work.result, listener=told.of_method, **work.options
-    )
+    settled = OF_OUR_ROW if work.result is not None else ()
+    options = {name: value for name, value in work.options.items() if name not in settled}
+    found = compare(problem, work.against, result=work.result, listener=told.of_method, **options)
     return found.rows[0].solution, of_comparison(found, work.options), found.interrupted
 
 

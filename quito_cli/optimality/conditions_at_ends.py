@@ -46,6 +46,7 @@ def transversal(look: Look) -> Iterator[Condition]:
     of_x0, of_xf, of_t0, of_tf, of_p = (np.array(v).ravel() for v in found)
     for share, step in _steps_of_h(look):
         of_t0, of_tf = of_t0 + (1 - share) * step, of_tf + share * step
+    of_p = of_p + _parameters_at_points(look)
     size = np.maximum(np.abs(given.costates).max(axis=0), look.least_costates)
     size = np.where(size > 1e-6 * size.max(), size, size.max())
     names = labels(m.states)
@@ -75,13 +76,30 @@ def _steps_of_h(look: Look) -> Iterator[tuple[float, float]]:
     import casadi as ca
 
     m, h, f = look.system.model, look.point.hamiltonian, look.flow
+    seen = {0, len(h)}  # at the ends H has one side, at each other time it jumps once
     for (k, rho), point in zip(look.impulses.points, m.constraints.point, strict=True):
-        if 0 < k < len(h):
-            inputs = [m.x, m.u, m.p, m.t]
-            by_t = ca.Function("by_t", inputs, [ca.densify(ca.jacobian(point.value, m.t))])
-            at = (look.panels.states[k], f.u[k], look.solution.parameters, look.panels.times[k])
-            slope = float(np.array(by_t(*at)).ravel() @ rho)
-            yield point.at or 0.0, float(h[k - 1] - h[k]) + slope
+        inputs = [m.x, m.u, m.p, m.t]
+        by_t = ca.Function("by_t", inputs, [ca.densify(ca.jacobian(point.value, m.t))])
+        u = f.u[min(k, len(h) - 1)]
+        at = (look.panels.states[k], u, look.solution.parameters, look.panels.times[k])
+        slope = float(np.array(by_t(*at)).ravel() @ rho)
+        step = 0.0 if k in seen else float(h[k - 1] - h[k])
+        seen.add(k)
+        yield point.at or 0.0, step + slope
+
+
+def _parameters_at_points(look: Look) -> Array:
+    """Return Σ ρᵀ c_p of point constraints, (n_p,)."""
+    import casadi as ca
+
+    m, p, f = look.system.model, look.solution.parameters, look.flow
+    found = np.zeros(m.n_p)
+    for (k, rho), point in zip(look.impulses.points, m.constraints.point, strict=True):
+        inputs = [m.x, m.u, m.p, m.t]
+        by_p = ca.Function("by_p", inputs, [ca.densify(ca.jacobian(point.value, m.p))])
+        at = (look.panels.states[k], f.u[min(k, len(f.u) - 1)], p, look.panels.times[k])
+        found += rho @ np.array(by_p(*at)).reshape(len(rho), m.n_p)
+    return found
 
 
 def _at_points(look: Look, k: int) -> Array:

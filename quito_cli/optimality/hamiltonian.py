@@ -157,6 +157,20 @@ class Pontryagin:
         outputs += [ca.gradient(augmented, m.t), ca.gradient(augmented, m.p)]
         return self.function("pontryagin", [ca.densify(output) for output in outputs])
 
+    @cached_property
+    def sizes(self) -> ca.Function:
+        """Arguments ↦ sizes of the terms of H, H_x, H_u and H_p, stacked: Σ|λ_j f_j| and so on."""
+        import casadi as ca
+
+        m = self.model
+        integrands = ca.vertcat(*(c.value for c in m.constraints.integral))
+        terms = ca.vertcat(m.lagrange, m.xdot, integrands)
+        weights = ca.vertcat(1, ca.fabs(self.costate), ca.fabs(self.integral_multipliers))
+        whole = [ca.dot(weights, ca.fabs(terms))]
+        for by in (m.x, m.u, m.p):
+            whole.append(ca.fabs(ca.densify(ca.jacobian(terms, by))).T @ weights)
+        return self.function("sizes", [ca.densify(ca.vertcat(*whole))])
+
     def along(
         self,
         t: Array,

@@ -33,8 +33,6 @@ from quito_cli.solution.optimal import Arc
 from quito_cli.solution.variation import largest_bounds
 
 if TYPE_CHECKING:
-    import casadi as ca
-
     from quito_cli.solution.solution import Solution
 
 Array = NDArray[np.float64]
@@ -107,7 +105,7 @@ class Look:
         """Sizes of the terms of H (P,), H_x (P, n_x), H_u (P, n_u) and H_p (P, n_p)."""
         f, m = self.flow, self.system.model
         values = (f.t, f.x, f.costate, f.u, self.solution.parameters, None, self.impulses.integral)
-        found = sampled(_sizes(self.system), values)[0]
+        found = sampled(self.system.sizes, values)[0]
         by_x, by_u, by_p = np.split(found[:, 1:], [m.n_x, m.n_x + m.n_u], axis=1)
         return found[:, 0], by_x, by_u, by_p
 
@@ -126,7 +124,7 @@ class Look:
         """Return what changes of costates (P, n_x) do to H_u at most, (P, n_u)."""
         f, p, nu = self.flow, self.solution.parameters, self.impulses.integral
         with_, without = (
-            sampled(_sizes(self.system), (f.t, f.x, costate, f.u, p, None, nu))[0]
+            sampled(self.system.sizes, (f.t, f.x, costate, f.u, p, None, nu))[0]
             for costate in (moved, np.zeros_like(moved))
         )
         m = self.system.model
@@ -297,17 +295,3 @@ def bounded_states(system: Pontryagin) -> Flags:
     """Return which states have bounds, (n_x,): the rows of states are in this order."""
     lower, upper = system.model.state_bounds
     return np.asarray(np.isfinite(lower) | np.isfinite(upper))
-
-
-def _sizes(system: Pontryagin) -> ca.Function:
-    """Return arguments ↦ sizes of the terms of H, H_x, H_u and H_p, stacked."""
-    import casadi as ca
-
-    m = system.model
-    integrands = ca.vertcat(*(c.value for c in m.constraints.integral))
-    terms = ca.vertcat(m.lagrange, m.xdot, integrands)
-    weights = ca.vertcat(1, ca.fabs(system.costate), ca.fabs(system.integral_multipliers))
-    whole = [ca.dot(weights, ca.fabs(terms))]
-    for by in (m.x, m.u, m.p):
-        whole.append(ca.fabs(ca.densify(ca.jacobian(terms, by))).T @ weights)
-    return system.function("sizes", [ca.densify(ca.vertcat(*whole))])

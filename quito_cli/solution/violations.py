@@ -110,14 +110,18 @@ def _all(model: Model, dense: Dense, integrals: Array) -> Iterator[Violation]:
     for constraint in model.constraints.point:
         assert constraint.at is not None
         at = int(np.argmin(np.abs(times - (times[0] + constraint.at * (times[-1] - times[0])))))
-        values, sizes = dense.values(model, constraint)
-        yield _constraint(constraint, times[[at]], values[[at]], sizes[[at]])
+        values, sizes = dense.values(
+            model, constraint
+        )  # like a state's, its size is that of all times
+        yield _constraint(constraint, times[[at]], values[[at]], sizes)
+    least = ROUNDING * float(np.abs(states).max(initial=0.0))
     ends = (states[0], times[0], states[-1], times[-1], dense.parameters)
     stacked = [np.array(side).reshape(1, -1) for side in model.boundary_values(*ends)]
     at = 0
     for constraint in model.constraints.boundary:
         rows = slice(at, at + len(constraint.bounds.lower))
-        yield _constraint(constraint, times[last], *(side[:, rows] for side in stacked))
+        value, size = (side[:, rows] for side in stacked)
+        yield _constraint(constraint, times[last], value, np.maximum(size, least))
         at = rows.stop
     for constraint, value in zip(model.constraints.integral, integrals[1:], strict=True):
         integral = np.array([[value]])

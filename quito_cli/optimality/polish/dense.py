@@ -69,7 +69,7 @@ class Dense:
     @property
     def horizon(self) -> float:
         """Final minus initial time."""
-        return float(np.ptp(self.times))
+        return float(self.times[-1] - self.times[0])
 
     @cached_property
     def known(self) -> tuple[Piece, ...]:

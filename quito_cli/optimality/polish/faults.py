@@ -26,6 +26,7 @@ from quito_cli.optimality.polish.faults_of_controls import beyond, signs
 from quito_cli.optimality.polish.faults_of_curvature import chattering, clebsch, legendre
 from quito_cli.optimality.polish.faults_of_rows import atoms_of, pulls, violated
 from quito_cli.optimality.polish.limits import limits
+from quito_cli.optimality.polish.minimum import lesser
 
 EMPTY = 1e-9
 """Part of the horizon that is no length."""
@@ -41,6 +42,7 @@ FAMILIES: Final[tuple[Callable[[Dense, tuple[Piece, ...]], Iterator[Fault]], ...
     legendre,
     clebsch,
     limits,
+    lesser,
 )
 """What is looked at, given an extremal and its phases at `OFFSETS`."""
 
@@ -59,4 +61,5 @@ def _vanished(dense: Dense) -> Iterator[Fault]:
     for k, length in enumerate(dense.lengths):
         if length <= EMPTY * dense.horizon:
             says = f"the arc that was to begin at {dense.times[k]:.6g} has no length"
-            yield Fault("vanished", 0.0, 0.0, float(-length / dense.horizon), says, k)
+            amount = EMPTY - float(length) / dense.horizon
+            yield Fault("vanished", 0.0, 0.0, amount, says, k)

@@ -52,7 +52,7 @@ def chattering(dense: Dense, _: tuple[Piece, ...]) -> Iterator[Fault]:
                 continue
             for i in arc.controls:
                 if other.kinds[i] in ("lower", "upper"):
-                    time = dense.system.structure.times[k]
+                    time = float(dense.times[k])
                     says = (
                         f"{setting.name(i)} would come to a singular arc of order {arc.order} "
                         f"from a bound at {time:.6g}: it would chatter, and no such junction is "

@@ -85,11 +85,10 @@ def jumps(setting: Setting, structure: Structure, k: int) -> list[Jump]:
     """Return what the costate may jump by at junction k."""
     import casadi as ca
 
-    if k == len(structure.phases):
-        return []
     before = structure.phases[k - 1].held if k else frozenset()
+    after = structure.phases[k].held if k < len(structure.phases) else frozenset()
     found = []
-    for held in sorted(structure.phases[k].held - before):
+    for held in sorted(after - before):
         known = setting.active(held)
         if known.order and not (k == 0 and setting.system.model.initial.fixed.all()):
             found.append(Jump(held, None, ca.vertcat(*known.derivatives)))

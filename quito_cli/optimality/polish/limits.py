@@ -17,6 +17,8 @@ from quito_cli.optimality.polish.dense import Dense, Piece
 from quito_cli.optimality.polish.fault import SLIGHT, Fault
 from quito_cli.optimality.polish.flow import inputs
 from quito_cli.optimality.polish.pointwise import evaluated
+from quito_cli.optimality.polish.rows import pointed
+from quito_cli.optimality.polish.rows_at_junctions import changed
 from quito_cli.problem.model import Bounds, Constraint, Instant, labels
 
 Array = NDArray[np.float64]
@@ -87,17 +89,34 @@ class _Ends:
         omega = self.dense.shared("boundary")
         residuals = self.dense.system.ends.conditions.residuals
         given = [*self.inputs, *costates, *self.energies, by_p, omega]
-        return [np.array(v).ravel() for v in residuals.call(given)]
+        of_x0, of_xf, of_t0, of_tf, of_p = (np.array(v).ravel() for v in residuals.call(given))
+        at_t0, at_tf = _steps(self.dense)
+        return [of_x0, of_xf, of_t0 + at_t0, of_tf + at_tf, of_p]
 
 
 def limits(dense: Dense, _: tuple[Piece, ...]) -> Iterator[Fault]:
     """Give what is wrong at the ends."""
     first = np.concatenate([dense.shared("state"), dense.shared("costate")])
     energies = float(dense.shared("energies")[0]), _energy(dense)
-    ends = _Ends(dense, first, dense.at.phases[-1].nodes[-1], energies)
+    ends = _Ends(dense, first, _last(dense), energies)
     for given in (*_ranges(ends), *_constraints(ends)):
         for sentence, amount in given.wrong():
             yield Fault("end", 0.0, 0.0, amount, sentence)
+
+
+def _last(dense: Dense) -> Array:
+    """Return y at the final time, after what happens there, (n_y,)."""
+    y = dense.at.phases[-1].nodes[-1]
+    change = changed(pointed(dense.system, dense.at), len(dense.at.phases), y)
+    return np.asarray(y + change.value)
+
+
+def _steps(dense: Dense) -> Array:
+    """Return what point constraints add to the derivatives by initial and final time, (2,)."""
+    e, found = dense.shared("energies"), np.zeros(2)
+    for j, (_, f) in enumerate(dense.system.instants):
+        found += (e[1 + 2 * j] - e[2 + 2 * j]) * np.array([1 - f, f])
+    return found
 
 
 def _energy(dense: Dense) -> float:

@@ -2,7 +2,8 @@
 
 What each fault asks for is one row of a table. A fault says from when to when an inequality does
 not hold; there a phase of its own is cut out, and does what the inequality asks for. Where that is
-what the neighbouring phase does already, the two become one, and a junction has moved.
+what the neighbouring phase does already, the two become one: with nothing else changed but when a
+junction is, it is the structure that was solved, and there is none to try.
 """
 
 from __future__ import annotations

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from quito_cli.optimality.polish.rows import Linear, Point, none
+
+Array = NDArray[np.float64]
 
 
 def conditions(point: Point) -> Iterator[tuple[int, Linear]]:
@@ -22,7 +25,7 @@ def begin(point: Point) -> Linear:
     n = layout.states
     y = np.zeros(layout.size)
     y[:n], y[n : 2 * n] = g[layout.place("state")], g[layout.place("costate")]
-    change = _change(point, 0, y)
+    change = changed(point, 0, y)
     by_y = np.eye(layout.size) + change.by_node
     by_shared = -change.by_shared
     by_shared[:, layout.place("state")] -= by_y[:, :n]
@@ -33,12 +36,12 @@ def begin(point: Point) -> Linear:
 def across(point: Point, k: int) -> Linear:
     """Return y⁻ + its jump − y⁺ at junction k, with derivatives in y⁻ and g."""
     before, after = point.at.phases[k - 1].nodes[-1], point.at.phases[k].nodes[0]
-    change = _change(point, k, before)
+    change = changed(point, k, before)
     by_before = np.eye(point.system.layout.size) + change.by_node
     return Linear(before + change.value - after, by_before, change.by_shared)
 
 
-def _change(point: Point, k: int, y: np.ndarray) -> Linear:
+def changed(point: Point, k: int, y: Array) -> Linear:
     """Return what y changes by at junction k."""
     layout, g, leap = point.system.layout, point.at.shared, point.system.leaps[k]
     found, n = none(layout.size, layout), layout.states

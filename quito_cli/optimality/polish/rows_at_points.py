@@ -2,7 +2,7 @@
 
 A point constraint at t_j = t₀ + f_j (t_f − t₀) moves with the horizon. The unknowns e are H at the
 initial time and H⁻ + ρᵀc_t, H⁺ beside every point; the steps between the two enter the conditions
-of free times (see `ends`).
+of free times (see `ends`). At an end of the horizon there is one side: ρᵀc_t is left of the step.
 """
 
 from __future__ import annotations
@@ -19,19 +19,20 @@ from quito_cli.optimality.polish.system import System
 def energies(point: Point) -> Iterator[tuple[int, Linear]]:
     """Give the node of each entry of e, and that entry minus what it is."""
     first = point.system.layout.place("energies").start
-    sides = [(0, True)]
-    for k, _ in point.system.structure.points:
-        sides += [(k - 1, False), (k, True)]
-    for entry, (phase, at_start) in enumerate(sides, start=first):
-        yield point.node(phase, at_start), _energy(point, phase, at_start, entry)
+    last = len(point.system.laws) - 1
+    sides: list[tuple[int, bool, int | None]] = [(0, True, None)]
+    for k, _ in point.system.instants:
+        sides += [(max(k - 1, 0), k == 0, k), (min(k, last), k <= last, None)]
+    for entry, (phase, at_start, junction) in enumerate(sides, start=first):
+        yield point.node(phase, at_start), _energy(point, phase, at_start, entry, junction)
 
 
-def _energy(point: Point, phase: int, at_start: bool, entry: int) -> Linear:
-    """Return e − H, at an end of a phase before a point e − H − ρᵀc_t."""
+def _energy(point: Point, phase: int, at_start: bool, entry: int, junction: int | None) -> Linear:
+    """Return e − H, before the point constraints of a junction e − H − ρᵀc_t."""
     layout, g = point.system.layout, point.at.shared
     energy = point.energy(phase, at_start)
     value, by_node, by_shared = -energy.value, -energy.by_node, -energy.by_shared
-    leap = None if at_start else point.system.leaps[phase + 1]
+    leap = None if junction is None else point.system.leaps[junction]
     if leap is not None:
         pull = leap.pull(point.end(phase, at_start).y[: layout.states], g, layout)
         value -= pull.value[-1]
@@ -47,9 +48,8 @@ def add_steps(point: Point, final: Linear) -> None:
     """Add what H steps by at point constraints to the conditions of free times."""
     system, g = point.system, point.at.shared
     first, n = system.layout.place("energies").start + 1, system.layout.states
-    for j, (_, which) in enumerate(system.structure.points):
+    for j, (_, f) in enumerate(system.instants):
         before, after = first + 2 * j, first + 1 + 2 * j
-        f = _fraction(system, which)
         for row, time, share in (
             (2 * n, system.ends.initial_time, 1 - f),
             (2 * n + 1, system.ends.final_time, f),
@@ -63,22 +63,22 @@ def add_steps(point: Point, final: Linear) -> None:
 def constraints(point: Point) -> Iterator[tuple[int, Linear]]:
     """Give the nodes after point constraints, and what holds there."""
     system = point.system
+    for k, f in system.instants:
+        yield point.node(*_side(system, k)), _time(point, k, f)
     for k, which in system.structure.points:
         leap = system.leaps[k]
         assert leap is not None, "a point constraint has multipliers"
-        node = point.node(k, True)
-        yield node, _time(point, k, which)
-        yield node, _values(point, leap, which)
+        yield point.node(*_side(system, k)), _values(point, leap, which)
 
 
-def _fraction(system: System, which: int) -> float:
-    """Return where in the horizon a point constraint is, 0 … 1."""
-    return system.setting.system.model.constraints.point[which].at or 0.0
+def _side(system: System, k: int) -> tuple[int, bool]:
+    """Return the phase that starts at a junction and that it starts; at the last the one before."""
+    return (k, True) if k < len(system.laws) else (k - 1, False)
 
 
-def _time(point: Point, k: int, which: int) -> Linear:
+def _time(point: Point, k: int, f: float) -> Linear:
     """Return t_j − t₀ − f (t_f − t₀)."""
-    layout, f = point.system.layout, _fraction(point.system, which)
+    layout = point.system.layout
     found = none(1, layout)
     found.by_shared[0, layout.time(k)] = 1.0
     found.by_shared[0, layout.time(0)] -= 1 - f
@@ -90,7 +90,8 @@ def _time(point: Point, k: int, which: int) -> Linear:
 def _values(point: Point, leap: Leap, which: int) -> Linear:
     """Return c − its bound where it is at one, ρ where it is at none."""
     layout, g, n = point.system.layout, point.at.shared, point.system.layout.states
-    values = leap.values(point.at.phases[leap.junction].nodes[0][:n], g, layout)
+    y = point.end(*_side(point.system, leap.junction)).y
+    values = leap.values(y[:n], g, layout)
     bounds, own = next(
         (point.system.ends.points[which], place)
         for jump, place in leap.parts(layout)

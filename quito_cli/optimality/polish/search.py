@@ -22,6 +22,7 @@ from quito_cli.optimality.polish.gauss import gauss
 from quito_cli.optimality.polish.newton import Solved, iterate
 from quito_cli.optimality.polish.refine import refined
 from quito_cli.optimality.polish.revise import Revision, dropped, revised
+from quito_cli.optimality.polish.setting import UnsupportedError
 from quito_cli.optimality.polish.shown import shown
 from quito_cli.optimality.polish.start import Near, started
 from quito_cli.optimality.polish.structure import Phase, Structure
@@ -35,8 +36,9 @@ REVISIONS = 12
 """Structures that are tried from one reading, at most."""
 AS_BAD = 0.1
 """Faults this much of the worst one are mended with it."""
-READINGS = (None, 0.05, 0.2)
-"""How a direct answer is read: by its arcs, then by nearness to bounds, see `shown`."""
+READINGS = ((None, False), (None, True), (0.05, True), (0.2, True))
+"""How a direct answer is read: by its arcs, then by nearness to bounds; with junctions that are
+close to each other apart, then as one. See `shown`."""
 HALVINGS = 6
 """Times that segments are halved, at most."""
 
@@ -122,15 +124,20 @@ def search(direct: Direct, log: Log, deadline: float) -> Ending:
         deadline: when to stop, by `time.perf_counter`.
     """
     going, first = _Search(direct, log, deadline), None
-    for reach in READINGS:
-        structure = shown(direct.setting, direct.solution, direct.impulses, reach)
-        if structure.phases in going.known:
-            continue
-        if reach is not None and first is not None:
-            within = f"every control within {reach:.0%} of a bound taken to be there"
-            log.tell("refuse", f"{first.reason}: the answer is read anew, with {within}")
-        going.assume(structure)
-        ended = _revised(going, structure)
+    for reach, tied in READINGS:
+        try:
+            structure = shown(direct.setting, direct.solution, direct.impulses, reach, tied)
+            if structure.phases in going.known:
+                continue
+            if first is not None:
+                said = "junctions that are close to each other taken to be one"
+                if reach is not None:
+                    said = f"every control within {reach:.0%} of a bound taken to be there"
+                log.tell("refuse", f"{first.reason}: the answer is read anew, with {said}")
+            going.assume(structure)
+            ended = _revised(going, structure)
+        except UnsupportedError as error:  # another reading may do without
+            ended = Ending(PolishStatus.UNSUPPORTED, str(error))
         if ended.status in (PolishStatus.POLISHED, PolishStatus.DEGENERATE):
             return ended
         first = first or ended

@@ -114,12 +114,18 @@ class Setting:
         """Return a phase in which every free control has what determines it.
 
         A row whose controls are all at bounds is not held by any of them, and says nothing. A
-        control that H is affine in is free only where a row takes it; else it is singular.
+        control that H is affine in is free only where a row takes it; else it is singular. There is
+        nothing at a bound that is infinite.
 
         Raises:
             UnsupportedError: a control is between its bounds and nothing determines it.
         """
         kinds, affine = list(phase.kinds), set(self.controls.of_kind("affine"))
+        for kind, bound in zip(("lower", "upper"), self.system.model.control_bounds, strict=True):
+            kinds = [
+                "free" if own == kind and np.isinf(value) else own
+                for own, value in zip(kinds, bound, strict=True)
+            ]
         for i in (*self.controls.of_kind("kinked"), *self.controls.of_kind("absent")):
             if kinds[i] in ("free", "singular"):
                 why = "has a kink in it" if self.controls.kinds[i] == "kinked" else "is without it"
@@ -127,22 +133,25 @@ class Setting:
                     f"{self.name(i)} is between its bounds where the Hamiltonian {why}"
                 )
         between = {i for i, kind in enumerate(kinds) if kind in ("free", "singular")}
-        taken: set[int] = set()
-        held: set[Held] = set()
+        taken = self._taken(phase, between, affine)
+        for i in between & affine:
+            kinds[i] = "free" if i in taken.values() else "singular"
+        for i in between - affine:
+            kinds[i] = "free"
+        return replace(phase, kinds=tuple(kinds), held=frozenset(taken))
+
+    def _taken(self, phase: Phase, between: set[int], affine: set[int]) -> dict[Held, int]:
+        """Return which control each row determines, by row; what it can of none is left out."""
+        taken: dict[Held, int] = {}
         # Those that speak of the fewest controls choose first.
         for row in sorted(phase.held, key=lambda h: (len(self.active(h).controls), h)):
             known = self.active(row)
             if known.order is None:
                 continue
             candidates = sorted(
-                (i for i in known.controls if i in between - taken),
+                (i for i in known.controls if i in between - set(taken.values())),
                 key=lambda i: (i not in affine, i),
             )
             if candidates:
-                taken.add(candidates[0])
-                held.add(row)
-        for i in between & affine:
-            kinds[i] = "free" if i in taken else "singular"
-        for i in between - affine:
-            kinds[i] = "free"
-        return replace(phase, kinds=tuple(kinds), held=frozenset(held))
+                taken[row] = candidates[0]
+        return taken

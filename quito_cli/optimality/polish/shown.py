@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 Pressed = Callable[[int], tuple[Array, Array]]
 """Row ↦ times (P+1,) of panels and ∫ μ dt over each, (P,)."""
 
+TIED = 0.1
+"""Part of a cell within which junctions of several controls and rows may be one."""
 MISALIGNED = 0.02
 """Part of the horizon by which a control's junction and that of the constraint that causes it may
 be apart in a direct answer."""
@@ -36,7 +38,9 @@ FINE = 8
 """Points a cell that a control is read at."""
 
 
-def shown(setting: Setting, direct: Solution, pressed: Pressed, reach: float | None) -> Structure:
+def shown(
+    setting: Setting, direct: Solution, pressed: Pressed, reach: float | None, tied: bool
+) -> Structure:
     """Return the structure that an answer shows: its arcs, and where it touches constraints.
 
     Args:
@@ -45,6 +49,7 @@ def shown(setting: Setting, direct: Solution, pressed: Pressed, reach: float | N
         pressed: what its rows press with.
         reach: part of its range within which a control counts as at a bound, however briefly; None
             reads the arcs of the answer instead, from which transitions are gone.
+        tied: junctions that are no further apart than `TIED` are one.
     """
     names = labels(setting.system.model.controls)
     if reach is None:
@@ -53,7 +58,8 @@ def shown(setting: Setting, direct: Solution, pressed: Pressed, reach: float | N
         controls = [_read(setting, direct, i, reach) for i in range(len(names))]
     rows = [_row_arcs(direct, setting, i) for i in range(len(setting.system.rows))]
     rows = _aligned(setting, controls, rows, float(np.ptp(direct.times)) * MISALIGNED)
-    found = _laid(setting, direct, controls, rows)
+    least = 0.0 if not tied else TIED * float(np.diff(direct.times).min())
+    found = _laid(setting, direct, controls, rows, least)
     for i, arcs in enumerate(rows):
         for time, held in _touched(setting, direct, i, arcs, *pressed(i)):
             found = found.touched(time, held)
@@ -61,16 +67,23 @@ def shown(setting: Setting, direct: Solution, pressed: Pressed, reach: float | N
 
 
 def _laid(
-    setting: Setting, direct: Solution, controls: list[list[Arc]], rows: list[list[Arc]]
+    setting: Setting,
+    direct: Solution,
+    controls: list[list[Arc]],
+    rows: list[list[Arc]],
+    least: float,
 ) -> Structure:
-    """Lay arcs of controls and rows over each other, with point constraints at their times."""
+    """Lay arcs of controls and rows over each other, with point constraints at their times.
+
+    Junctions that are no further apart than `least` are one.
+    """
     start, end = float(direct.times[0]), float(direct.times[-1])
     fractions = [c.at for c in setting.system.model.constraints.point if c.at is not None]
-    points = [start + f * (end - start) for f in fractions]
+    points = [end if f == 1 else start + f * (end - start) for f in fractions]
     near = 2 * float(np.diff(direct.times).max())
     ends = {arc.end for arcs in (*controls, *rows) for arc in arcs if start < arc.end < end}
-    inner = {t for t in ends if all(abs(t - point) > near for point in points)}
-    times = sorted({start, end, *inner, *points})
+    inner = {t for t in ends if all(abs(t - point) > near for point in set(points) - {start, end})}
+    times = _apart({start, end, *points}, inner, least)
     phases = []
     for a, b in pairwise(times):
         middle = (a + b) / 2
@@ -84,6 +97,15 @@ def _laid(
         phases.append(setting.consistent(Phase(kinds, held)))
     named = tuple((times.index(t), k) for k, t in enumerate(points))
     return Structure(tuple(phases), tuple(times), (), named).merged()
+
+
+def _apart(given: set[float], found: set[float], least: float) -> list[float]:
+    """Return times in order; of those found only ones that are further apart than `least`."""
+    times = set(given)
+    for time in sorted(found):
+        if all(abs(time - other) > least for other in times):
+            times.add(time)
+    return sorted(times)
 
 
 def _touched(

@@ -68,6 +68,13 @@ class System:
                 found.append(Placed(function, phase, given.side == "after"))
         return tuple(found)
 
+    @cached_property
+    def instants(self) -> tuple[tuple[int, float], ...]:
+        """Junctions where point constraints are, and at which part of the horizon; each once."""
+        given = self.setting.system.model.constraints.point
+        parts = {k: given[which].at or 0.0 for k, which in self.structure.points}
+        return tuple(sorted(parts.items()))
+
     def as_given(self, shared: Array) -> Array:
         """Return g with the times that the problem fixes at their values to the last digit."""
         found, times = shared.copy(), self.layout.place("times")
@@ -88,5 +95,5 @@ class System:
             system.integrals,
             len(self.ends.boundary),
             sum(leap.count for leap in self.leaps if leap),
-            1 + 2 * len(self.structure.points),
+            1 + 2 * len(self.instants),
         )

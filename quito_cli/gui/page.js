@@ -1,0 +1,146 @@
+// What the page does in the browser by itself: keeps the draft, hears the shortcuts, writes hovers.
+// One object, so that the server can call it by name.
+
+const quito = {
+  KEY: "quito.draft",
+  MOST: 400000, // characters; longer texts are refused by the server anyway
+  about: {}, // name, place and settings of the draft, as the server last said them
+
+  // The draft lives in the browser's own session too: neither a reload nor a server that was
+  // restarted loses it. The text is read off the editor, so that what was typed last is in it.
+  keep(about) {
+    if (about) quito.about = about;
+    const text = quito.text();
+    if (text === null || text.length > quito.MOST || quito.about.name === undefined) return;
+    const draft = JSON.stringify({ ...quito.about, text });
+    if (draft !== quito.kept) {
+      try {
+        sessionStorage.setItem(quito.KEY, draft);
+        quito.kept = draft;
+      } catch (full) { /* the server has it all the same */ }
+    }
+  },
+  text() {
+    const editor = document.querySelector(".edit .nicegui-codemirror");
+    const element = editor && window.getElement ? getElement(editor.id.slice(1)) : null;
+    return element && element.editor ? element.editor.state.doc.toString() : null;
+  },
+  draft() {
+    try {
+      return JSON.parse(sessionStorage.getItem(quito.KEY));
+    } catch (damaged) {
+      return null;
+    }
+  },
+  colours() {
+    try {
+      return localStorage.getItem("quito.colours");
+    } catch (refused) {
+      return null;
+    }
+  },
+  colour(word) {
+    try {
+      localStorage.setItem("quito.colours", word);
+    } catch (refused) { /* for this page, then */ }
+  },
+  restored() {
+    let known = Quasar.Dark.isActive;
+    const look = () => {
+      if (Quasar.Dark.isActive === known) return;
+      known = Quasar.Dark.isActive;
+      emitEvent("quito-dark", known);
+    };
+    new MutationObserver(look).observe(document.body, { attributeFilter: ["class"] });
+    setInterval(() => quito.keep(), 400);
+    window.addEventListener("pagehide", () => quito.keep());
+  },
+
+  // Shortcuts. In the capturing phase: an editor would take Ctrl+Enter for a new line, and Tab for
+  // an indent, from which no key leads on; Ctrl+] and Ctrl+[ indent.
+  hear(event) {
+    if (event.key === "Tab" && event.target.closest?.(".cm-editor")) event.stopPropagation();
+    const open = document.querySelector(".q-dialog, .q-menu");
+    if (event.key === "Enter" && (event.ctrlKey || event.metaKey) && !open) quito.click("run", event);
+    if (event.key === "Escape" && !open) quito.click("cancel", event);
+  },
+  click(id, event) {
+    const button = document.getElementById(id);
+    if (!button || button.disabled) return;
+    event.preventDefault();
+    event.stopPropagation();
+    button.click();
+  },
+
+  // Numbers and hovers of plots.
+  number(value) {
+    if (value === null || value === undefined || Number.isNaN(value)) return "–";
+    const size = Math.abs(value);
+    if (size !== 0 && (size < 1e-3 || size >= 1e5)) return value.toExponential(3);
+    return String(Number(value.toPrecision(6)));
+  },
+  // ECharts itself tells only of the lines that have a point just there.
+  hover(points) {
+    const box = document.createElement("div");
+    const place = document.querySelector(".nicegui-echart:hover");
+    const options = place && getElement(place.id.slice(1))?.options;
+    const at = (Array.isArray(points) ? points[0] : points)?.axisValue;
+    if (!options || at === undefined) return box;
+    const head = document.createElement("div");
+    head.textContent = `${options.xAxis.at(-1).name} = ${quito.number(at)}`;
+    head.style.fontWeight = "600";
+    box.append(head);
+    for (const line of options.series) {
+      const value = line.name.startsWith("~") ? null : quito.value(line.data, at);
+      if (value !== null) box.append(quito.row(line, value));
+    }
+    return box;
+  },
+  row(line, value) {
+    const row = document.createElement("div");
+    const [mark, name, number] = ["i", "span", "span"].map((tag) => document.createElement(tag));
+    const style = line.lineStyle.type;
+    mark.style.cssText = `display:inline-block;width:14px;border-top:2px ${style} ${line.color};margin-right:6px;vertical-align:middle`;
+    number.style.cssText = "float:right;margin-left:18px;font-family:var(--mono)";
+    name.textContent = line.name;
+    number.textContent = quito.number(value);
+    row.append(mark, name, number);
+    return row;
+  },
+  // The value of a line at `at`, linear between its points; null where there is none.
+  value(data, at) {
+    let low = 0, high = data.length - 1;
+    if (high < 0 || at < data[low][0] || at > data[high][0]) return null;
+    while (high - low > 1) {
+      const middle = (low + high) >> 1;
+      if (data[middle][0] <= at) low = middle;
+      else high = middle;
+    }
+    const [[a, x], [b, y]] = [data[low], data[high]];
+    if (x === null || y === null) return b === at ? y : a === at ? x : null;
+    return b > a ? x + ((y - x) * (at - a)) / (b - a) : y;
+  },
+
+  // Zoom of the plots: by a band drawn with the pointer, and by buttons for who has none.
+  chart() {
+    const place = document.getElementById("plot");
+    return place && window.getElement ? getElement(place.dataset.chart)?.chart : null;
+  },
+  zoom(factor) {
+    const chart = quito.chart();
+    const zoom = chart && chart.getOption().dataZoom[0];
+    if (!zoom) return;
+    const middle = (zoom.start + zoom.end) / 2;
+    const half = factor ? Math.min(50, ((zoom.end - zoom.start) / 2) * factor) : 50;
+    const start = Math.max(0, Math.min(100 - 2 * half, middle - half));
+    chart.dispatchAction({ type: "dataZoom", start, end: start + 2 * half });
+  },
+  band(tries = 50) {
+    const chart = quito.chart();
+    if (!chart && tries) setTimeout(() => quito.band(tries - 1), 40);
+    const key = "dataZoomSelect";
+    chart?.dispatchAction({ type: "takeGlobalCursor", key, dataZoomSelectActive: true });
+  },
+};
+window.quito = quito;
+document.addEventListener("keydown", quito.hear, true);
