@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -33,6 +34,9 @@ def job(case: Case, guess: Path | None, folder: Path, *rest: Any) -> Finished:
                 time.sleep(LONG)
             except KeyboardInterrupt:
                 continue
+    if kind == "frail":
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        time.sleep(LONG)
     if kind == "hoard":
         held = []
         while True:

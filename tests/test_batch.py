@@ -150,6 +150,16 @@ def test_a_case_that_does_not_stop_is_ended(
     assert [one.ending for one in found] == [Ending.PASSED, Ending.INTERRUPTED]
 
 
+def test_a_worker_that_dies_of_being_stopped_has_not_crashed(tmp_path: Path) -> None:
+    """Such as one whose interpreter was only starting: a resumed run solves its case."""
+    found: list[Finished] = []
+    how = setting(tmp_path, stop=lambda: bool(found))
+    for one in run_cases(cases("frail", "good"), how):
+        found.append(one)
+    assert [one.ending for one in found] == [Ending.PASSED, Ending.INTERRUPTED]
+    assert found[1].message == "it ended when it was asked to stop"
+
+
 def test_interrupted_solves_keep_their_best_iterate(tmp_path: Path) -> None:
     """Stopped at the first word of the solver's."""
     words: list[Any] = []
@@ -560,6 +570,14 @@ def test_a_list_of_cases_solves_none(quito_: Callable[..., Ran], folder: Path) -
         ["push[way=2]", "push.yaml", "way=2", "1"],
     ]
     assert not (folder / "results").exists()
+    (folder / "other.yaml").write_text(
+        "cases: [{problem: push.yaml, options: {polish: true}, over: {way: '1:2:2'}}]",
+        encoding="utf-8",
+    )
+    assert [line.split() for line in quito_("other.yaml", "--list").out.splitlines()[1:]] == [
+        ["push[way=1]", "push.yaml", "polish=true", "way=1", "0"],
+        ["push[way=2]", "push.yaml", "polish=true", "way=2", "0"],
+    ]
     listed = quito_("suite.yaml", "--list", "--json").json
     assert [case["case"] for case in listed["cases"]] == ["push[way=1]", "push[way=2]"]
 

@@ -187,11 +187,15 @@ def test_killed_ten_times_at_random_moments(tmp_path: Path) -> None:
     moments = [random.uniform(0.0, 1.2) for _ in range(10)]
     print("killed after", moments, "seconds")
     done: list[str] = []
+    whole: dict[Path, int] = {}
     for moment in moments:
         start_killed(folder, source, journal.exists(), moment)
         for path in (p for p in folder.glob("*.h5") if not p.name.startswith(".")):
+            if whole.get(path) == path.stat().st_mtime_ns:  # not written since it was looked at
+                continue
             assert quito.Solution.load(path).success
             assert path.stat().st_size == size
+            whole[path] = path.stat().st_mtime_ns
         if journal.exists():
             lines = journal.read_bytes().split(b"\n")[1:-1]
             now = [json.loads(line)["case"] for line in lines]

@@ -16,10 +16,11 @@ from quito_cli.batch import suite as suites
 from quito_cli.batch.case import Case, Expectation
 from quito_cli.batch.expansion import OPTIONS
 from quito_cli.batch.figures import FIGURES
+from quito_cli.batch.gathering import gather, selected
 from quito_cli.batch.limits import Limits, bytes_of
 from quito_cli.batch.schema_expect import Expect
 from quito_cli.batch.schema_suite import CaseLimits, Entry, Shared, SuiteFile, suite_schema_text
-from quito_cli.batch.suite import Suite, gather, load_suite, selected
+from quito_cli.batch.suite import Suite, load_suite
 from quito_cli.errors import UsageError
 from quito_cli.problem.library import bundled, bundled_suites
 from quito_cli.problem.options import FileOptions
@@ -350,6 +351,17 @@ def test_a_matrix_may_not_explode(folder: Path, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(suites, "MAX_CASES", 3)
     (said,) = complaints(folder, "cases: [{problem: cart.yaml, matrix: {k: [1, 2, 3, 4]}}]")
     assert said.endswith("more than 3 cases are too many")
+
+
+@pytest.mark.parametrize("wrong", ["", ", set: {nothing: 1}"])
+def test_a_suite_of_huge_sweeps_is_soon_given_up(folder: Path, wrong: str) -> None:
+    """One of them takes a tenth of a second to spell out: all would take minutes."""
+    sweep = "{{problem: cart.yaml, name: n{}, over: {{k: '0:1:9999'}}{}}}"
+    text = f"cases: [{', '.join(sweep.format(i, wrong) for i in range(1000))}]"
+    began = time.process_time()
+    said = complaints(folder, text)
+    assert said
+    assert time.process_time() - began < 20
 
 
 @pytest.mark.parametrize(

@@ -431,6 +431,11 @@ def test_figures_with_several_numbers_and_words(reach: Problem, tmp_path: Path) 
         np.array([[math.nan, math.nan], [1, math.nan], [1, 2]]), nan_ok=True
     )
     assert data["certificate"].values.tolist() == ["passed", "", "failed"]
+    unknown = [finished_with(case, certificate=None, cost=None) for case in sweep.cases]
+    dataset.save(collected(sweep, unknown), tmp_path / "b.h5")
+    data = opened(tmp_path / "b.h5")
+    assert data["certificate"].values.tolist() == ["", "", ""], "words whether there are any or not"
+    assert np.isnan(data["cost"].values).all()
 
 
 def test_axes_called_like_variables_go_by_their_paths(tmp_path: Path) -> None:

@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Final
 
 from quito_cli.batch.case import Ending, Finished
+from quito_cli.batch.gathering import gather
 from quito_cli.batch.journal import Journal
 from quito_cli.batch.limits import Limits, bytes_of
 from quito_cli.batch.run import NO_LIMITS, Setting, available, run
 from quito_cli.batch.solving import Keep
-from quito_cli.batch.suite import Suite, gather
+from quito_cli.batch.suite import Suite
 from quito_cli.errors import UsageError
 
 _WORST_FIRST: Final = (2, 1, 3)

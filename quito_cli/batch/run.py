@@ -13,7 +13,7 @@ import re
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any, Final
@@ -205,7 +205,11 @@ def _heard(places: Sequence[_Place], setting: Setting) -> Iterator[Finished]:
 
 
 def _stopped(places: Sequence[_Place]) -> Iterator[Finished]:
-    """Ask all that are at work to stop; yield them as interrupted, with what they have."""
+    """Ask all that are at work to stop; yield them as interrupted, with what they have.
+
+    A worker that dies of that, such as one whose interpreter was only starting, has not crashed:
+    its case is to be solved when the run is resumed.
+    """
     busy = [place for place in places if place.case is not None]
     for place in busy:
         place.worker.interrupt()
@@ -217,6 +221,9 @@ def _stopped(places: Sequence[_Place]) -> Iterator[Finished]:
             ended = place.hear(quiet)
             if ended is not None:
                 busy.remove(place)
+                if ended.ending is Ending.CRASHED:
+                    said = "it ended when it was asked to stop"
+                    ended = replace(ended, ending=Ending.INTERRUPTED, message=said)
                 yield ended
     for place in busy:
         place.worker.kill()

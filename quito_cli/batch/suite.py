@@ -1,13 +1,11 @@
-"""Where cases come from: suite files, problem files and names -> Suite.
+"""A suite file, with all that it includes -> Suite.
 
-A file with `cases:` is a suite, one with `dynamics:` a problem. A suite is read as strictly as a
-problem, and all that is wrong in it is told at once.
+A suite is read as strictly as a problem, and all that is wrong in it is told at once; where there
+is so much that it could take for ever, what has been found.
 """
 
 from __future__ import annotations
 
-import re
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -31,10 +29,10 @@ from quito_cli.problem.text.source import Source
 from quito_cli.problem.text.strict_yaml import read
 from quito_cli.problem.validate import real_path
 
+MOST_WRONG: Final = 25
+"""Complaints after which the rest of a file is not looked at: it could take for ever."""
 DEEPEST: Final = 8
 """Suites that include one another, in a row."""
-SEVERAL: Final = "batch"
-"""What cases are called together that come from several files."""
 
 
 @dataclass(frozen=True)
@@ -66,87 +64,7 @@ def load_suite(where: str | Path) -> Suite:
     return _Reader().suite(path, str(where) if path == Path(where) else str(path), ())
 
 
-def gather(
-    targets: Sequence[str], options: Mapping[str, Any], constants: Mapping[str, Any]
-) -> Suite:
-    """Return the cases of suites and problems, as a command line names them.
-
-    Args:
-        targets: paths, or names of bundled suites and problems.
-        options: of the solves, where the targets are problems.
-        constants: to set, likewise.
-
-    Raises:
-        UsageError: there is no such file, two cases have a name, or options are given to suites.
-        ProblemError: a suite has mistakes; all of them are told.
-    """
-    cases: list[Case] = []
-    limits: dict[str, Limits] = {}
-    suites = [target for target in targets if _names_suite(target)]
-    if suites and (options or constants):
-        given = next(iter([*options, *constants])).replace("_", "-")
-        raise UsageError(
-            f"{given}: options and constants are for problems, and {suites[0]} is a suite, which "
-            "says itself what each of its cases is solved with"
-        )
-    if len(targets) == 1 and suites:
-        return load_suite(targets[0])
-    paths = {target: find(target) for target in targets if target not in suites}
-    stems = Counter(path.stem for path in paths.values())
-    for target in targets:
-        if target in suites:
-            suite = load_suite(target)
-            cases += [_within(suite.name, case) for case in suite.cases]
-            limits |= {f"{suite.name}/{name}": kept for name, kept in suite.limits.items()}
-        else:
-            path = paths[target]
-            problem = target if path != Path(target) else str(path.resolve())
-            above = f"{path.resolve().parent.name}/" if stems[path.stem] > 1 else ""
-            cases.append(Case(above + path.stem, problem, dict(options), dict(constants)))
-    name = cases[0].name if len(targets) == 1 else SEVERAL
-    return Suite(name, "", tuple(cases), limits)
-
-
-def selected(suite: Suite, patterns: Sequence[str]) -> Suite:
-    """Return a suite of those cases that a pattern means, and of those that they follow.
-
-    Args:
-        suite: to choose from.
-        patterns: parts of names; or whole names with `*` for anything and `?` for a character.
-
-    Raises:
-        UsageError: a pattern means no case.
-    """
-    if not patterns:
-        return suite
-    follows = {case.name: case.follows for case in suite.cases}
-    chosen: set[str] = set()
-    for pattern in patterns:
-        meant = [name for name in follows if _means(pattern, name)]
-        if not meant:
-            raise UsageError(f"no case is called {pattern}{suggest(pattern, follows)}")
-        for name in meant:
-            at: str | None = name
-            while at is not None and at not in chosen:
-                chosen.add(at)
-                at = follows[at]
-    return replace(suite, cases=tuple(case for case in suite.cases if case.name in chosen))
-
-
-def _means(pattern: str, name: str) -> bool:
-    if not set("*?") & set(pattern):
-        return pattern in name
-    parts = (re.escape(part) for part in re.split(r"([*?])", pattern))
-    return bool(re.fullmatch("".join(parts).replace(r"\*", ".*").replace(r"\?", "."), name))
-
-
-def _names_suite(target: str) -> bool:
-    if Path(target).is_file():
-        return says_cases(text_of(Path(target)))
-    return target in bundled_suites()
-
-
-def _within(prefix: str, case: Case) -> Case:
+def within(prefix: str, case: Case) -> Case:
     """Return a case of an included suite, under a name that says so."""
     follows = None if case.follows is None else f"{prefix}/{case.follows}"
     return replace(case, name=f"{prefix}/{case.name}", follows=follows)
@@ -192,6 +110,8 @@ class _Reader:
                 raise
             except UsageError as error:
                 wrong.append(Complaint(place, str(error)))
+            if len(found) > MAX_CASES or len(wrong) > MOST_WRONG:
+                return found
         wrong += _twice(found)
         return found
 
@@ -217,7 +137,7 @@ class _Reader:
                 raise Wrong(Complaint(at, message))
             suite = self.suite(included, str(included), chain)
             for case in suite.cases:
-                yield Draft(_within(suite.name, case), suite.limits[case.name], place)
+                yield Draft(within(suite.name, case), suite.limits[case.name], place)
 
     def spelled(
         self, name: str, problem: str, entry: Entry, defaults: Shared, place: Place

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from quito_cli.batch.axes import Axis
 from quito_cli.batch.case import Case, Ending, Figure, Finished, Scalar
+from quito_cli.batch.figures import FIGURES
 from quito_cli.errors import UsageError
 from quito_cli.problem.load import changed
 from quito_cli.problem.schema import Problem
@@ -93,7 +94,8 @@ class Swept:
             The shape of the sweep; of figures with several numbers, such as times, another axis.
         """
         values = self.figure(name)
-        if any(isinstance(value, str) for value in values):
+        known = FIGURES.get(name)  # words are words, too, where none of the answers has one
+        if any(isinstance(value, str) for value in values) or (known and known.kind == "word"):
             return None
         several = [value for value in values if isinstance(value, tuple)]
         if not several:

@@ -136,10 +136,10 @@ def batch(
     Exit codes: 0 all as expected, 3 something outside its tolerance or worse than the baseline, 1
     something did not solve, 2 a wrong suite or a case that was refused, 130 interrupted.
     """
+    from quito_cli.batch.gathering import gather, selected
     from quito_cli.batch.holding import report_of
     from quito_cli.batch.recorded import limited
     from quito_cli.batch.run import Setting, available
-    from quito_cli.batch.suite import gather, selected
     from quito_cli.problem.load import parse_settings
 
     options = {

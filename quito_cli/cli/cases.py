@@ -13,6 +13,7 @@ from quito_cli.cli.text import columns, plain
 from quito_cli.summary.dictionary import finite
 
 if TYPE_CHECKING:
+    from quito_cli.batch.case import Case
     from quito_cli.batch.report import Report
     from quito_cli.batch.suite import Suite
 
@@ -31,17 +32,18 @@ def print_cases(suite: Suite, *, as_json: bool) -> None:
         typer.echo(json.dumps({"suite": suite.name, "cases": cases}, ensure_ascii=False))
         return
     rows = [
-        [
-            case.name,
-            Path(case.problem).name,
-            " ".join(
-                f"{key}={value}" for key, value in [*case.options.items(), *case.constants.items()]
-            ),
-            str(len(case.expectations)),
-        ]
+        [case.name, Path(case.problem).name, _given(case), str(len(case.expectations))]
         for case in suite.cases
     ]
     typer.echo(columns([["case", "problem", "options", "checks"], *rows], indent="", header=True))
+
+
+def _given(case: Case) -> str:
+    """Return options and constants of a case, as its name has them."""
+    from quito_cli.batch.axes import text_of
+
+    both = [*case.options.items(), *case.constants.items()]
+    return " ".join(f"{key}={text_of(value)}" for key, value in both)
 
 
 def print_json(report: Report) -> None:
