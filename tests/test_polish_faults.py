@@ -16,7 +16,8 @@ from polish_parts import Guess, phase, setting_of, solved
 from quito_cli.optimality.polish.adjoining import adjoined, atoms
 from quito_cli.optimality.polish.dense import Dense
 from quito_cli.optimality.polish.fault import What
-from quito_cli.optimality.polish.faults import faults
+from quito_cli.optimality.polish.faults import OFFSETS, faults
+from quito_cli.optimality.polish.faults_of_curvature import legendre
 from quito_cli.optimality.polish.structure import Structure
 
 Array = NDArray[np.float64]
@@ -173,9 +174,9 @@ WRONG = {
     "rest": Wrong(
         DENHAM, TOUCHES, (("violated", 1 / 3, 2 / 3, 1.0),), (("held", (0, True)), ("phase", 1)),
     ),
-    # u = t wanted: η = t − 1/2.
+    # H_u = 1/2 − t, which presses u against 1/2 once it is negative: η = t − 1/2.
     "pull": Wrong(
-        ONE % (0, -1, 1, "(u - t)^2/2", CAP), whole(HELD), (("pull", 0, 0.5, 1.0),),
+        ONE % (0, -1, 1, "(0.5 - t)*u", CAP), whole(HELD), (("pull", 0, 0.5, 1.0),),
         (("held", (0, True)),),
     ),
     # Away from the floor, by the cost: μ = 1 where it is to be negative.
@@ -183,7 +184,6 @@ WRONG = {
         ONE % ("0, lower: 0", -9, 9, "u^2/2 - x", ""), whole(LEAST), (("pull", 0, 1, 1.0),),
         (("held", (0, False)),),
     ),
-    "legendre": Wrong(ONE % (0, -9, 9, "-u^2/2", ""), whole(FREE), (("curvature", 0, 1, 1.0),)),
     # σ'' = u + …: x'' = −x, which is zero for ends at zero.
     "clebsch": Wrong(
         TWO % (1, "initial: 0", "initial: 0", -1, 1, "-(x^2 + v^2)/2"), whole(SINGULAR),
@@ -202,9 +202,7 @@ WRONG = {
 
 @pytest.mark.parametrize("wrong", WRONG.values(), ids=WRONG)
 def test_a_wrong_extremal_has_exactly_its_fault(wrong: Wrong) -> None:
-    every = faults(solved(setting_of(wrong.text), wrong.structure))
-    # That H is less elsewhere says the same again, of all controls; it has tests of its own.
-    found = [f for f in every if not f.sentence.startswith("H is less")]
+    found = faults(solved(setting_of(wrong.text), wrong.structure))
     assert [f.what for f in found] == [what for what, *_ in wrong.expected]
     found.sort(key=lambda f: f.start)
     for given, (_, start, end, amount) in zip(found, wrong.expected, strict=True):
@@ -237,6 +235,15 @@ def test_a_costate_that_jumps_by_more_than_its_row_explains() -> None:
     found = faults(Dense(dense.system, replace(dense.at, shared=shared)))
     assert [f.what for f in found] == ["curvature"]
     assert found[0].amount == pytest.approx(1 / 36, rel=1e-3)
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_legendre(sign: int) -> None:
+    """H_uu = ±1."""
+    dense = solved(setting_of(ONE % (0, -9, 9, f"{sign}*u^2/2", "")), whole(FREE))
+    found = list(legendre(dense, dense.sampled(OFFSETS)))
+    assert [(f.what, f.start, f.end) for f in found] == [("curvature", 0.0, 1.0)] * (sign < 0)
+    assert all(f in faults(dense) for f in found)
 
 
 def test_fullers_control_would_chatter() -> None:

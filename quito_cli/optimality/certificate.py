@@ -22,12 +22,8 @@ from quito_cli.optimality.conditions import (
     signs,
     state_equation,
 )
-from quito_cli.optimality.conditions_at_ends import (
-    feasibility,
-    other_multipliers,
-    path_multipliers,
-    transversal,
-)
+from quito_cli.optimality.conditions_at_ends import feasibility, transversal
+from quito_cli.optimality.conditions_of_multipliers import other_multipliers, path_multipliers
 from quito_cli.optimality.conditions_of_switching import (
     generalised_clebsch,
     singular_arcs,

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.optimality.along import Along, along, densities_of
-from quito_cli.optimality.conditions_at_ends import wrong
+from quito_cli.optimality.conditions_of_multipliers import wrong
 from quito_cli.optimality.controls import controls
 from quito_cli.optimality.dilation import positive
 from quito_cli.optimality.flow import Carrier

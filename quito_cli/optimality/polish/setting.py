@@ -133,22 +133,25 @@ class Setting:
                     f"{self.name(i)} is between its bounds where the Hamiltonian {why}"
                 )
         between = {i for i, kind in enumerate(kinds) if kind in ("free", "singular")}
-        taken: set[int] = set()
-        held: set[Held] = set()
+        taken = self._taken(phase, between, affine)
+        for i in between & affine:
+            kinds[i] = "free" if i in taken.values() else "singular"
+        for i in between - affine:
+            kinds[i] = "free"
+        return replace(phase, kinds=tuple(kinds), held=frozenset(taken))
+
+    def _taken(self, phase: Phase, between: set[int], affine: set[int]) -> dict[Held, int]:
+        """Return which control each row determines, by row; what it can of none is left out."""
+        taken: dict[Held, int] = {}
         # Those that speak of the fewest controls choose first.
         for row in sorted(phase.held, key=lambda h: (len(self.active(h).controls), h)):
             known = self.active(row)
             if known.order is None:
                 continue
             candidates = sorted(
-                (i for i in known.controls if i in between - taken),
+                (i for i in known.controls if i in between - set(taken.values())),
                 key=lambda i: (i not in affine, i),
             )
             if candidates:
-                taken.add(candidates[0])
-                held.add(row)
-        for i in between & affine:
-            kinds[i] = "free" if i in taken else "singular"
-        for i in between - affine:
-            kinds[i] = "free"
-        return replace(phase, kinds=tuple(kinds), held=frozenset(held))
+                taken[row] = candidates[0]
+        return taken
