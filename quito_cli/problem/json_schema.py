@@ -25,7 +25,8 @@ def schema_text() -> str:
 def schema_of(root: type[BaseModel], title: str) -> str:
     """Return the schema of the files that a model is of."""
     schema = root.model_json_schema()
-    models = {model.__name__: model for model in _subclasses(BaseModel)}
+    ours = root.__module__.partition(".")[0]  # a web framework has a Parameter, too
+    models = {m.__name__: m for m in _subclasses(BaseModel) if m.__module__.startswith(ours)}
     for name, part in [(root.__name__, schema), *schema["$defs"].items()]:
         said = attribute_docstrings(models[name])
         for key, field in part.get("properties", {}).items():

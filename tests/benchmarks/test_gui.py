@@ -11,7 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from gui_browser import Page, Server, browsing, needs_browser, serving
+from gui_browser import Keys, Page, Server, browsing, needs_browser, serving
+from long_solve import LONG
 
 import quito_cli as quito
 
@@ -59,6 +60,22 @@ def test_a_click_costs_no_more_than_a_second(browser: Page, server: Server) -> N
     more = statistics.median(a - b for a, b in zip(clicked, called, strict=True))
     print(f"\nfrom Python {statistics.median(called):.2f} s, by a click {more:.2f} s more")
     assert more <= 1.0
+
+
+def test_cancel_takes_no_more_than_a_second(browser: Page, server: Server) -> None:
+    browser.open(server.address)
+    browser.type(LONG)
+    browser.until(lambda: browser.field("steps") == "101")
+    seconds = []
+    for _ in range(3):
+        browser.run_keys()
+        browser.until(lambda: browser.figure("iteration") != "–")
+        begun = time.perf_counter()
+        browser.press(Keys.ESCAPE)
+        browser.until(lambda: "best iterate so far" in browser.status())
+        seconds.append(time.perf_counter() - begun)
+    print(f"\nthe best iterate is there {statistics.median(seconds):.2f} s after Esc")
+    assert statistics.median(seconds) <= 1.0
 
 
 def test_many_solves_leave_memory_flat(browser: Page, server: Server) -> None:
