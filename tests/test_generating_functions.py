@@ -49,7 +49,9 @@ PSI: dict[str, Callable[[Array], Array]] = {
         * np.exp(-(x**2))
         / GAUSS
     ),
-    "trigonometric": lambda x: np.sqrt(np.e / np.pi) * np.exp(-(x**2)) * np.cos(np.sqrt(2) * x),
+    "trigonometric": lambda x: (
+        math.sqrt(math.e / math.pi) * np.exp(-(x**2)) * np.cos(np.sqrt(2) * x)
+    ),
     "sech": lambda x: 1 / np.cosh(x) / np.pi,
 }
 """The formulas of the paper, corrected, in its order."""

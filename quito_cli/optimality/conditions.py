@@ -1,8 +1,8 @@
 """Pontryagin's conditions along the horizon, one function each, as rows of a table.
 
 Each takes a `Look` and gives the rows of the certificate that it stands for. Controls that H is
-affine in are in `conditions_of_switching`, ends and feasibility in `conditions_at_ends`, multipliers
-in `conditions_of_multipliers`.
+affine in are in `conditions_of_switching`, ends and feasibility in `conditions_at_ends`,
+multipliers in `conditions_of_multipliers`.
 """
 
 from __future__ import annotations
