@@ -30,7 +30,7 @@ from quito_cli.problem.text.complaints import Complaint, ProblemError, suggest
 from quito_cli.problem.text.complaints import Path as Place
 from quito_cli.problem.text.source import Source
 from quito_cli.problem.text.strict_yaml import read as read_yaml
-from quito_cli.solution.store import write_aside
+from quito_cli.solution.store import write_content
 
 FORMAT: Final = 1
 IGNORE: Final = "ignore"
@@ -188,12 +188,7 @@ def write(baseline: Baseline, path: Path) -> None:
         ResultFileError: the file cannot be written.
         UsageError: a name is too long for a line of YAML.
     """
-    made = text(baseline)
-    write_aside(path, lambda aside: _write(aside, made))
-
-
-def _write(path: Path, made: str) -> None:
-    path.write_text(made, encoding="utf-8", newline="\n")
+    write_content(path, text(baseline))
 
 
 def text(baseline: Baseline) -> str:

@@ -32,7 +32,7 @@ from quito_cli.batch.run import NO_LIMITS, Setting, answer_before, clean, refuse
 from quito_cli.batch.solving import result_path
 from quito_cli.errors import UnavailableError, UsageError
 from quito_cli.problem.load import find, text_of
-from quito_cli.solution.store import write_aside
+from quito_cli.solution.store import write_content
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -260,12 +260,8 @@ def _unpacked(case: Case, delivery: remote.Delivery, folder: Path) -> Finished:
     if content is None:
         path.unlink(missing_ok=True)  # of an earlier run
         return replace(delivery.finished, case=case)
-    write_aside(path, lambda aside: _write(aside, content))
+    write_content(path, content)
     return replace(delivery.finished, case=case, result=path)
-
-
-def _write(path: Path, content: bytes) -> None:
-    path.write_bytes(content)
 
 
 def _killed(error: BaseException) -> bool:

@@ -23,7 +23,7 @@ from quito_cli import __version__
 from quito_cli.batch.case import Ending, Finished
 from quito_cli.batch.report import Report
 from quito_cli.batch.table import GONE, Row, figure, shown, table
-from quito_cli.solution.store import write_aside
+from quito_cli.solution.store import write_content
 
 _OUTCOMES: Final = {
     Ending.PASSED: "failure",
@@ -39,12 +39,7 @@ def write(report: Report, path: Path) -> None:
     Raises:
         ResultFileError: the file cannot be written.
     """
-    made = junit(report)
-    write_aside(path, lambda aside: _write(aside, made))
-
-
-def _write(path: Path, made: str) -> None:
-    path.write_text(made, encoding="utf-8", newline="\n")
+    write_content(path, junit(report))
 
 
 def junit(report: Report) -> str:

@@ -17,7 +17,7 @@ from typing import Final
 from quito_cli.batch.comparing import Verdict
 from quito_cli.batch.report import Report
 from quito_cli.batch.table import DIFFERENCES, GONE, Row, Table, differences, seconds, shown, table
-from quito_cli.solution.store import write_aside
+from quito_cli.solution.store import write_content
 
 MOST: Final = 1024 * 1024
 """Bytes of a summary that GitHub takes."""
@@ -35,12 +35,7 @@ def write(report: Report, path: Path) -> None:
     Raises:
         ResultFileError: the file cannot be written.
     """
-    made = markdown(report)
-    write_aside(path, lambda aside: _write(aside, made))
-
-
-def _write(path: Path, made: str) -> None:
-    path.write_text(made, encoding="utf-8", newline="\n")
+    write_content(path, markdown(report))
 
 
 def markdown(report: Report) -> str:

@@ -35,10 +35,11 @@ if TYPE_CHECKING:
     from quito_cli.batch.case import Finished
     from quito_cli.batch.report import Report
     from quito_cli.batch.run import Setting
+    from quito_cli.batch.solving import Keep
     from quito_cli.batch.suite import Suite
     from quito_cli.cli.live import Live
 
-_KEEPS = ("all", "failed", "none")
+_KEEPS: tuple[Keep, ...] = ("all", "failed", "none")
 
 
 def batch(
@@ -156,7 +157,7 @@ def batch(
     given = {name: value for name, value in options.items() if value is not None}
     wanted = Wanted(baseline, update_baseline, junit, markdown, html, plots)
     check_folder(output)
-    _check(keep)
+    kept = _checked(keep)
     check_jobs(jobs, cluster)
     wanted.check(keep)
     suite = gather(targets, given, parse_settings(settings or [], "--set"))
@@ -172,10 +173,7 @@ def batch(
     holding = wanted.prepare(min(workers, len(suite.cases)) if cluster is None else None)
     record = holding.baseline.costly if holding else ()
     live = Live(len(suite.cases), silent=as_json, quiet=quiet, verbose=verbose)
-    setting = Setting(
-        *(workers, output, keep, suite.limits, record),  # type: ignore[arg-type]
-        cluster=cluster,
-    )
+    setting = Setting(workers, output, kept, suite.limits, record, cluster=cluster)
     began = time.perf_counter()
     finished, interrupted = _run(suite, setting, live, resume=resume, fail_fast=fail_fast)
     seconds = time.perf_counter() - began
@@ -189,10 +187,12 @@ def batch(
     _leave(report, interrupted)
 
 
-def _check(keep: str) -> None:
-    """Refuse what means nothing."""
-    if keep not in _KEEPS:
-        raise UsageError(f"keep: expected {', '.join(_KEEPS[:-1])} or {_KEEPS[-1]}, got {keep!r}")
+def _checked(keep: str) -> Keep:
+    """Return which result files stay; refuse what means nothing."""
+    for known in _KEEPS:
+        if keep == known:
+            return known
+    raise UsageError(f"keep: expected {', '.join(_KEEPS[:-1])} or {_KEEPS[-1]}, got {keep!r}")
 
 
 def _run(

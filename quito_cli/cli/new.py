@@ -35,7 +35,7 @@ def new(
     """Write a commented problem file to start from."""
     from quito_cli.cli.text import plain
     from quito_cli.problem.library import TEMPLATE, bundled
-    from quito_cli.solution.store import write_aside
+    from quito_cli.solution.store import write_content
 
     path = _path_of(name)
     source, what = TEMPLATE, "a template that solves as it stands"
@@ -47,7 +47,7 @@ def new(
     text = _pointed_to_schema(source.read_bytes().decode("utf-8-sig"), path.parent)
     if os.path.lexists(path) and not force:
         raise UsageError(f"{path} is there already; choose another name, or --force to replace it")
-    write_aside(path, lambda aside: _write(aside, text))
+    write_content(path, text)
     shown = f"./{path}" if str(path).startswith("-") else str(path)
     typer.echo(f"Wrote {path}, {plain(what)}. Next:\n")
     for command in ("check", "solve"):
@@ -112,7 +112,3 @@ def _pointed_to_schema(text: str, folder: Path) -> str:
     pointed, found = SCHEMA_LINE.subn(lambda _: line, text, count=1)
     ends = "\r\n" if "\r\n" in text else "\n"
     return pointed if found else line + ends + text
-
-
-def _write(path: Path, text: str) -> None:
-    path.write_bytes(text.encode())

@@ -123,12 +123,6 @@ class Desk:
         with self._lock:
             return self._find(job).state
 
-    def current(self, session: str) -> str | None:
-        """Return the session's last job that has not been dropped; after a reload, say."""
-        with self._lock:
-            own = [name for name, job in self._jobs.items() if job.session == session]
-            return own[-1] if own else None
-
     async def follow(self, job: str) -> AsyncIterator[State]:
         """Yield the state of a job whenever it changes, Finished or Failed last.
 

@@ -70,6 +70,20 @@ def write_aside(path: Path, write: Callable[[Path], None]) -> None:
             aside.unlink()
 
 
+def write_content(path: Path, content: str | bytes) -> None:
+    """Write text, as UTF-8 and with its own line ends, or bytes in the way of `write_aside`.
+
+    Raises:
+        ResultFileError: the file cannot be written.
+    """
+    made = content.encode() if isinstance(content, str) else content
+
+    def write(aside: Path) -> None:
+        aside.write_bytes(made)
+
+    write_aside(path, write)
+
+
 def save(solution: Solution, path: Path) -> None:
     """Write `solution` to `path`."""
     import h5py
