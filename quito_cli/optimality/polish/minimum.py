@@ -43,10 +43,9 @@ INSIDE = 1e-9
 
 def lesser(dense: Dense, pieces: tuple[Piece, ...]) -> Iterator[Fault]:
     """Give where H is less for other controls than those of an extremal."""
-    import casadi as ca
 
     setting, system = dense.system.setting, dense.system.setting.system
-    if not ca.hessian(system.hamiltonian, system.model.u)[0].nnz():  # the sign of H_u says all
+    if not system.curvature.nnz():  # the sign of H_u says all
         return
     for k, piece in enumerate(pieces):
         t, wrong, better = _compared(dense, k, piece)
