@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
 from collections.abc import Iterator
@@ -200,6 +201,32 @@ def test_a_link_is_replaced_itself_not_what_it_points_to(
     assert (tmp_path / "secret.yaml").read_text() == "title: secret\n"
     with pytest.raises(UsageError, match="is a folder"):
         shelf.save("folder.yaml", TEXT, replace=True)
+
+
+def test_a_new_file_is_there_whole_or_not_at_all(
+    shelf: Shelf, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    for name in ("link", "replace", "rename"):
+        monkeypatch.setattr(os, name, interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        shelf.save("late", TEXT, replace=False)
+    assert not (folder / "late.yaml").exists()
+
+
+def test_a_new_file_is_saved_where_there_are_no_hard_links(
+    shelf: Shelf, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: object, **__: object) -> None:
+        raise OSError(errno.EPERM, os.strerror(errno.EPERM))
+
+    monkeypatch.setattr(os, "link", refused)
+    shelf.save("new", TEXT, replace=False)
+    with pytest.raises(ThereAlreadyError):
+        shelf.save("new", "other", replace=False)
+    assert (folder / "new.yaml").read_text("utf-8") == TEXT
 
 
 def test_what_cannot_be_read_again_is_not_saved(shelf: Shelf) -> None:

@@ -32,6 +32,8 @@ _DEVICES = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECA
 _TITLE = re.compile(
     r"^title:[ \t]*(?P<quote>['\"]?)(?P<text>[^\r\n]{1,200}?)(?P=quote)[ \t]*$", re.M
 )
+_NO_LINKS = {errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK}
+"""What file systems without hard links (FAT, some network shares) answer to one."""
 _HEAD = 4_000
 """Bytes in which a title is looked for."""
 
@@ -131,9 +133,9 @@ class Shelf:
             self._write(aside, content)
             if replace:
                 self._refuse_folder(name)
-            else:  # an empty file keeps the name for us: a rename would take any file's place
-                self._write(name, b"")
-            os.replace(aside, name, src_dir_fd=self._handle, dst_dir_fd=self._handle)
+                os.replace(aside, name, src_dir_fd=self._handle, dst_dir_fd=self._handle)
+            else:
+                self._give_name(aside, name)
         except FileExistsError:
             raise ThereAlreadyError(f"{name} is there already: replace it?") from None
         except OSError as error:
@@ -180,6 +182,18 @@ class Shelf:
             file.write(content)
             file.flush()
             os.fsync(handle)
+
+    def _give_name(self, aside: str, name: str) -> None:
+        """Let `name` stand for what was written aside, whole at once, unless it is taken."""
+        beside = {"src_dir_fd": self._handle, "dst_dir_fd": self._handle}
+        try:
+            os.link(aside, name, follow_symlinks=False, **beside)
+        except OSError as error:
+            if error.errno not in _NO_LINKS:
+                raise
+            # an empty file keeps the name for us: a rename would take any file's place
+            self._write(name, b"")
+            os.replace(aside, name, **beside)
 
     def _refuse_folder(self, name: str) -> None:
         with suppress(FileNotFoundError):
