@@ -261,6 +261,48 @@ def test_results_do_not_depend_on_the_number_of_jobs(
         assert (here.costates == other.costates).all()
 
 
+def content(path: Path) -> dict[str, Any]:
+    """Return all that a result file has, recorded times apart."""
+    import h5py
+
+    found: dict[str, Any] = {}
+
+    def take(name: str, one: Any) -> None:
+        for key, value in one.attrs.items():
+            if not (key.endswith("seconds") or key in ("DIMENSION_LIST", "REFERENCE_LIST")):
+                found[f"{name}@{key}"] = repr(value)
+        if isinstance(one, h5py.Dataset):
+            found[name] = one[()].tobytes() if one.dtype != object else one.asstr()[()].tolist()
+
+    with h5py.File(path) as file:
+        take("", file)
+        file.visititems(take)
+    return found
+
+
+def test_what_a_worker_did_before_does_not_show(tmp_path: Path) -> None:
+    """A problem that it has derived the formulas of is solved as by a process of its own."""
+    for name in ("bryson_denham", "rayleigh"):
+        given = [Case(f"{name}{steps}", name, {"steps": steps}) for steps in (13, 10, 16)]
+        last = ended(given, Setting(1, tmp_path, "all"))[f"{name}16"]
+        (alone,) = run_cases([replace(given[2], name="alone")], Setting(1, tmp_path, "all"))
+        assert last.result is not None
+        assert alone.result is not None
+        found = content(last.result)
+        assert len(found) > 100
+        assert found == content(alone.result)
+
+
+def test_constants_that_are_equal_are_not_the_same(tmp_path: Path) -> None:
+    """A worker keeps problems that it has read: 1 and 1.0 are recorded as they were given."""
+    given = [of_push("int", 1), replace(of_push("float", 1), constants={"way": 1.0})]
+    found = ended(given, Setting(1, tmp_path, "all"))
+    for name, said in (("int", "1"), ("float", "1.0")):
+        result = found[name].result
+        assert result is not None
+        assert quito.Solution.load(result).origin.changes == (("way", said),)
+
+
 def test_a_continued_case_starts_from_the_answer_before(
     whole: dict[int, dict[str, Finished]],
 ) -> None:

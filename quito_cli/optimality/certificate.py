@@ -29,12 +29,14 @@ from quito_cli.optimality.conditions_of_switching import (
     singular_arcs,
     switching,
 )
-from quito_cli.optimality.hamiltonian import pontryagin
+from quito_cli.optimality.hamiltonian import Pontryagin, pontryagin
 from quito_cli.optimality.look import Look
 from quito_cli.optimality.polished import Polished, arcs_kept, row_multipliers, sharply
 from quito_cli.optimality.probes import TooLargeError
 from quito_cli.optimality.verdicts import not_applicable
+from quito_cli.problem.build import KEPT
 from quito_cli.problem.model import Model
+from quito_cli.problem.recent import recent
 from quito_cli.solution.optimal import HAMILTONIAN, SWITCHING, Condition, Extremal
 
 if TYPE_CHECKING:
@@ -71,7 +73,7 @@ def certify(model: Model, solution: Solution) -> Extremal:
         return _nothing(f"the answer is none: {solution.status.value}")
     if not np.isfinite(solution.costates).all():
         return _nothing("there are no costates")
-    system = pontryagin(model)
+    system = _system(model)
     try:
         with np.errstate(all="ignore"):  # what is not finite fails, and says so
             look = (Polished if solution.polished else Look).at(system, solution)
@@ -86,6 +88,12 @@ def certify(model: Model, solution: Solution) -> Extremal:
     for i, label in enumerate(look.names):
         curves[SWITCHING + label] = look.point.gradient[:, i]
     return Extremal(arcs, rows, look.flow.t, curves)
+
+
+@recent(KEPT)
+def _system(model: Model) -> Pontryagin:
+    """Return Pontryagin's system of a Model, with what has been derived of it before."""
+    return pontryagin(model)
 
 
 def _nothing(reason: str) -> Extremal:

@@ -89,7 +89,7 @@ def save(solution: Solution, path: Path) -> None:
     import h5py
 
     def write(aside: Path) -> None:
-        with h5py.File(aside, "w") as file:
+        with h5py.File(aside, "w", driver="core", backing_store=True) as file:  # in one piece
             write_to(file, solution)
 
     write_aside(path, write)
