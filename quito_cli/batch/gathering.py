@@ -49,7 +49,7 @@ def gather(
         )
     if len(targets) == 1 and suites:
         return load_suite(targets[0])
-    paths = {target: find(target) for target in targets if target not in suites}
+    paths = {target: find(target, bundled_suites()) for target in targets if target not in suites}
     stems = Counter(path.stem for path in paths.values())
     for target in targets:
         if target in suites:
