@@ -534,6 +534,41 @@ def test_a_suite_in_a_verdict_out(quito_: Callable[..., Ran], folder: Path) -> N
     assert results == {"push-way=1.h5", "push-way=2.h5", "suite.batch.jsonl"}
 
 
+def test_batch_and_sweep_take_what_solve_takes() -> None:
+    """All but what is of a single problem; with the same words of help."""
+    import typer
+
+    from quito_cli.cli.app import app
+
+    commands: Any = typer.main.get_command(app)
+    helps = {
+        name: {one.name: getattr(one, "help", None) for one in commands.commands[name].params}
+        for name in ("solve", "batch", "sweep")
+    }
+    single = {"problem", "explain", "guess", "warm_start", "picture", "no_plot", "verbose"}
+    of_a_solve = helps["solve"].keys() - single - {"output", "as_json", "quiet"}
+    fields = set(quito.Options.__dataclass_fields__) - {"guess", "warm_start", "solver_options"}
+    assert of_a_solve == fields | {"solver_option", "settings"}
+    for name in of_a_solve:
+        assert helps["batch"][name] == helps["sweep"][name] == helps["solve"][name]
+
+
+def test_options_of_the_solves_reach_every_case(quito_: Callable[..., Ran]) -> None:
+    given = ["--mesh", "adaptive", "--mesh-tolerance", "0.01", "--control", "piecewise-linear"]
+    given += ["--solver-option", "mu_init=0.1", "--no-polish", "--path-points", "nodes"]
+    for one in quito_("push.yaml", "bang_bang", *given, "--list", "--json").json["cases"]:
+        assert one["options"] == {
+            "mesh": "adaptive",
+            "mesh_tolerance": 0.01,
+            "control": "piecewise-linear",
+            "solver_options": {"mu_init": 0.1},
+            "polish": False,
+            "path_points": "nodes",
+        }
+    ran = quito_("push.yaml", "--control", "piecewise-constant", "--as-printed", "--json")
+    assert "normalised belongs to quasi-interpolants" in ran.json["cases"][0]["message"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "endings"),
     [

@@ -4,19 +4,11 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from quito_cli.cli.options import (
-    Cluster,
-    GeneratingFunction,
-    MaxIterations,
-    Settings,
-    Steps,
-    Substeps,
-    Tolerance,
-)
+from quito_cli.cli.options import Cluster, Settings, of_a_solve
 from quito_cli.cli.output import check_folder, check_jobs
 from quito_cli.cli.reports import (
     BaselineFile,
@@ -29,7 +21,6 @@ from quito_cli.cli.reports import (
 )
 from quito_cli.cli.solve import INTERRUPTED
 from quito_cli.errors import UsageError
-from quito_cli.solve import Options
 
 if TYPE_CHECKING:
     from quito_cli.batch.case import Finished
@@ -42,6 +33,7 @@ if TYPE_CHECKING:
 _KEEPS: tuple[Keep, ...] = ("all", "failed", "none")
 
 
+@of_a_solve
 def batch(
     targets: Annotated[
         list[str],
@@ -50,6 +42,7 @@ def batch(
             help="A suite, or problem files; or names of bundled ones.",
         ),
     ],
+    *,
     jobs: Annotated[
         int | None,
         typer.Option("-j", "--jobs", help="Cases at once. [default: as many as processors]"),
@@ -91,27 +84,7 @@ def batch(
         ),
     ] = False,
     listed: Annotated[bool, typer.Option("--list", help="Show the cases, and solve none.")] = False,
-    steps: Steps = None,
-    variance: Annotated[
-        float | None,
-        typer.Option(
-            help=f"Shape parameter D of the generating function. [default: {Options.variance:g}]"
-        ),
-    ] = None,
-    generating_function: GeneratingFunction = None,
-    discretization: Annotated[
-        str | None,
-        typer.Option(help=f"As in `quito solve`. [default: {Options.discretization}]"),
-    ] = None,
-    substeps: Substeps = None,
-    mesh: Annotated[
-        str | None, typer.Option(help=f"uniform or adaptive. [default: {Options.mesh}]")
-    ] = None,
-    tolerance: Tolerance = None,
-    max_iterations: MaxIterations = None,
-    solver: Annotated[
-        str | None, typer.Option(help=f"One of `quito solvers`. [default: {Options.solver}]")
-    ] = None,
+    options: dict[str, Any],
     settings: Settings = None,
     baseline: BaselineFile = None,
     update_baseline: UpdateBaseline = False,
@@ -143,24 +116,12 @@ def batch(
     from quito_cli.batch.run import Setting, available
     from quito_cli.problem.load import parse_settings
 
-    options = {
-        "steps": steps,
-        "variance": variance,
-        "generating_function": generating_function,
-        "discretization": discretization,
-        "substeps": substeps,
-        "mesh": mesh,
-        "tolerance": tolerance,
-        "max_iterations": max_iterations,
-        "solver": solver,
-    }
-    given = {name: value for name, value in options.items() if value is not None}
     wanted = Wanted(baseline, update_baseline, junit, markdown, html, plots)
     check_folder(output)
     kept = _checked(keep)
     check_jobs(jobs, cluster)
     wanted.check(keep)
-    suite = gather(targets, given, parse_settings(settings or [], "--set"))
+    suite = gather(targets, options, parse_settings(settings or [], "--set"))
     suite = limited(selected(suite, only or []), time_limit, memory_limit)
     if listed:
         from quito_cli.cli.cases import print_cases

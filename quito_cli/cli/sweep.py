@@ -3,26 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from quito_cli.cli.options import (
-    Cluster,
-    Control,
-    Degree,
-    Discretization,
-    GeneratingFunction,
-    MaxIterations,
-    Mesh,
-    Polish,
-    Settings,
-    Solver,
-    Steps,
-    Substeps,
-    Tolerance,
-    Variance,
-)
+from quito_cli.cli.options import Cluster, Settings, of_a_solve
 from quito_cli.cli.output import Picture, check_folder, check_jobs, check_picture
 from quito_cli.cli.solve import INTERRUPTED
 
@@ -33,8 +18,10 @@ if TYPE_CHECKING:
     from quito_cli.cli.live import Live
 
 
+@of_a_solve
 def sweep(
     problem: Annotated[str, typer.Argument(help="A problem file, or the name of a bundled one.")],
+    *,
     over: Annotated[
         list[str] | None,
         typer.Option(
@@ -73,18 +60,7 @@ def sweep(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on where a run of this sweep stopped.")
     ] = False,
-    steps: Steps = None,
-    variance: Variance = None,
-    generating_function: GeneratingFunction = None,
-    control: Control = None,
-    discretization: Discretization = None,
-    substeps: Substeps = None,
-    degree: Degree = None,
-    mesh: Mesh = None,
-    polish: Polish = None,
-    tolerance: Tolerance = None,
-    max_iterations: MaxIterations = None,
-    solver: Solver = None,
+    options: dict[str, Any],
     settings: Settings = None,
     output: Annotated[
         Path, typer.Option("-o", "--output", help="Folder for the file, the pictures, the results.")
@@ -111,20 +87,6 @@ def sweep(
     from quito_cli.cli.live import Live
     from quito_cli.problem.load import parse_settings
 
-    options = {
-        "steps": steps,
-        "variance": variance,
-        "generating_function": generating_function,
-        "control": control,
-        "discretization": discretization,
-        "substeps": substeps,
-        "degree": degree,
-        "mesh": mesh,
-        "polish": polish,
-        "tolerance": tolerance,
-        "max_iterations": max_iterations,
-        "solver": solver,
-    }
     check_jobs(jobs, cluster)
     check_picture(picture)
     check_folder(output)
