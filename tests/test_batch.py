@@ -623,7 +623,7 @@ def test_json_has_every_case(quito_: Callable[..., Ran]) -> None:
         (["gone.yaml"], "there is no file gone.yaml"),
         (["suite.yaml", "-N", "5"], "steps: options and constants are for problems"),
         (["suite.yaml", "--filter", "x"], "no case is called x"),
-        (["suite.yaml", "-j", "0"], "jobs: a number from 1 on is expected, got 0"),
+        (["suite.yaml", "-j", "0"], "jobs: a number from 1 to 1000 is expected, got 0"),
         (["suite.yaml", "--keep", "some"], "keep: expected all, failed or none, got 'some'"),
         (["suite.yaml", "--time-limit", "0"], "time-limit: a number of seconds above 0"),
         (["suite.yaml", "--memory-limit", "much"], "expected a size such as 500 MB or 2 GB"),
@@ -750,7 +750,10 @@ def test_ctrl_c_keeps_what_is_done(folder: Path) -> None:
         child.send_signal(signal.SIGINT)
         out, err = child.communicate(timeout=60)
         assert child.returncode == 130
-    assert err == "Interrupted; 2 of 2 cases had begun: --resume goes on.\n"
+    assert err == (
+        "Interrupted; 1 of 2 cases are done and kept in results: the same command with --resume "
+        "goes on.\n"
+    )
     assert "suite: 1 passed, 1 interrupted" in out
     assert (folder / "results" / "push.h5").exists()
     journal = (folder / "results" / "suite.batch.jsonl").read_text(encoding="utf-8")
@@ -792,4 +795,4 @@ def test_from_python(folder: Path) -> None:
     assert first.result is None
     assert second.result == folder / "out" / "push-way=2.h5"
     again = quito.run_suite("suite.yaml", output=folder / "out", keep="failed", resume=True)
-    assert again == (first, second)
+    assert tuple(again) == (first, second)

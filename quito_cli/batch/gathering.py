@@ -88,7 +88,8 @@ def selected(suite: Suite, patterns: Sequence[str]) -> Suite:
             while at is not None and at not in chosen:
                 chosen.add(at)
                 at = follows[at]
-    return replace(suite, cases=tuple(case for case in suite.cases if case.name in chosen))
+    cases = tuple(case for case in suite.cases if case.name in chosen)
+    return replace(suite, cases=cases, whole=False)
 
 
 def _means(pattern: str, name: str) -> bool:

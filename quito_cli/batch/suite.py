@@ -50,6 +50,8 @@ class Suite:
     cases: tuple[Case, ...]
     limits: Mapping[str, Limits]
     """What each case may take, by its name."""
+    whole: bool = True
+    """Whether it has all of its cases, or those only that were chosen."""
 
 
 def load_suite(where: str | Path) -> Suite:
