@@ -14,21 +14,14 @@ import numpy as np
 from quito_cli.problem.comparisons import read_comparison
 from quito_cli.problem.declarations import bounds, end_values, hints, times
 from quito_cli.problem.keys import derived_state
-from quito_cli.problem.known import check_reference, read_reference
-from quito_cli.problem.model import (
-    Bounds,
-    Constraint,
-    Constraints,
-    Instant,
-    Known,
-    Lookup,
-    Model,
-    Variable,
-)
+from quito_cli.problem.known import Known
+from quito_cli.problem.model import Constraint, Constraints, Lookup, Model
+from quito_cli.problem.reference import check_reference, read_reference
 from quito_cli.problem.schema import Problem
 from quito_cli.problem.scopes import Scopes
 from quito_cli.problem.text.complaints import Complaint, ProblemError, suggest
 from quito_cli.problem.values import Path, Reader
+from quito_cli.problem.variables import Bounds, Instant, Variable
 from quito_cli.problem.views import read_views
 
 if TYPE_CHECKING:
