@@ -8,6 +8,7 @@ import typer
 
 from quito_cli.solve import Options
 
+ProblemName = Annotated[str, typer.Argument(help="A problem file, or the name of a bundled one.")]
 GeneratingFunction = Annotated[
     str | None,
     typer.Option(
@@ -96,3 +97,9 @@ Cluster = Annotated[
         help="A Dask scheduler, such as tcp://head-node:8786, whose workers solve the cases.",
     ),
 ]
+Jobs = Annotated[
+    int | None,
+    typer.Option("-j", "--jobs", help="Cases at once. [default: as many as processors]"),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object, and nothing else.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from quito_cli.cli.options import (
+    AsJson,
     Control,
     Degree,
     Discretization,
@@ -16,6 +17,8 @@ from quito_cli.cli.options import (
     MaxIterations,
     Mesh,
     Polish,
+    ProblemName,
+    Quiet,
     Settings,
     Solver,
     Steps,
@@ -32,7 +35,7 @@ INTERRUPTED = 130
 
 
 def solve(
-    problem: Annotated[str, typer.Argument(help="A problem file, or the name of a bundled one.")],
+    problem: ProblemName,
     steps: Steps = None,
     variance: Variance = None,
     generating_function: GeneratingFunction = None,
@@ -119,10 +122,8 @@ def solve(
     ] = Path("results"),
     picture: Picture = "png",
     no_plot: Annotated[bool, typer.Option("--no-plot", help="Draw no picture.")] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object, and nothing else.")
-    ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
     verbose: Annotated[
         bool, typer.Option("--verbose", "-v", help="Print every iteration and all evidence.")
     ] = False,
