@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from documents import run
 from numpy.typing import NDArray
 
 import quito_cli as quito
@@ -20,6 +21,7 @@ from quito_cli.problem.model import Model
 
 Array = NDArray[np.float64]
 Solve = Callable[..., quito.Solution]
+Quito = Callable[..., tuple[int, str, str]]
 Reference = Callable[[str], tuple[dict[str, Any], dict[str, Array]]]
 
 REFERENCE = Path(__file__).parent / "reference"
@@ -59,6 +61,23 @@ def solve() -> Solve:
         return quito.solve(given, **dict(options))
 
     return lambda problem, **options: solved(problem, tuple(sorted(options.items())))
+
+
+@pytest.fixture
+def quito_(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> Quito:
+    """Run a command in an empty folder; return its exit code and what it printed."""
+    monkeypatch.chdir(tmp_path)
+
+    def ran(*arguments: str) -> tuple[int, str, str]:
+        capfd.readouterr()
+        code = run(list(arguments), monkeypatch)
+        printed = capfd.readouterr()
+        assert "Traceback" not in printed.err
+        return code, printed.out, printed.err
+
+    return ran
 
 
 @pytest.fixture(scope="session")

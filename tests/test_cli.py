@@ -22,7 +22,7 @@ from typing import Any
 
 import h5py
 import pytest
-from documents import COMMANDS, Ran
+from documents import COMMANDS, PUSH, Ran
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -41,15 +41,6 @@ MAGIC = {"png": b"\x89PNG\r\n\x1a\n", "pdf": b"%PDF-", "svg": b"<?xml"}
 HEAVY = ("casadi", "h5py", "matplotlib", "numpy", "pydantic", "yaml")
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
 
-PUSH = """\
-title: Push to one
-time: {initial: 0, final: 1}
-states: {x: {initial: 0, final: 1}}
-controls: {u: {lower: -3, upper: 3}}
-dynamics: {x: u}
-cost: {lagrange: u^2}
-"""
-"""u = 1 and J = 1."""
 TOO_FAR = PUSH.replace("final: 1}}", "final: 5}}")
 """With |u| <= 3, x ends at 3 at most: 2 are missing."""
 

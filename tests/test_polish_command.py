@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from documents import run
 
 import quito_cli as quito
 from quito_cli import on_answer
@@ -126,26 +125,12 @@ def engine(monkeypatch: pytest.MonkeyPatch) -> Engine:
 
 
 @pytest.fixture
-def quito_(
-    engine: Engine,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-) -> Quito:
+def quito_(engine: Engine, quito_: Quito) -> Quito:
     """Run a command where there is `jump.yaml`; return its exit code and what it printed."""
-    monkeypatch.chdir(tmp_path)
     Path("jump.yaml").write_text(JUMP, encoding="utf-8")
     Path("known.yaml").write_text(KNOWN, encoding="utf-8")
     assert engine.does is exact
-
-    def ran(*arguments: str) -> tuple[int, str, str]:
-        capfd.readouterr()
-        code = run(list(arguments), monkeypatch)
-        printed = capfd.readouterr()
-        assert "Traceback" not in printed.err
-        return code, printed.out, printed.err
-
-    return ran
+    return quito_
 
 
 def row(printed: str, label: str) -> str:
