@@ -191,7 +191,15 @@ def solve(
         model = guided(model, earlier)
     _refuse_too_large(model, chosen, bool({"steps", "degree"} & given))
     _refuse_warm_start(chosen, earlier, problem)
-    task = Task(problem, model, chosen, chosen.tolerance, chosen.max_iterations, True, listener)
+    task = Task(
+        problem=problem,
+        model=model,
+        options=chosen,
+        tolerance=chosen.tolerance,
+        max_iterations=chosen.max_iterations,
+        own_guess=True,
+        listener=listener,
+    )
     warm = earlier if chosen.warm_start else None
     direct, stop = _direct(task, warm, time.perf_counter() - started)
     return polished(problem, model, chosen, direct, listener, stop)
@@ -211,10 +219,6 @@ def _direct(task: Task, warm: Solution | None, build_seconds: float) -> tuple[So
     import numpy as np
 
     from quito_cli.on_answer import certified
-    from quito_cli.on_mesh import method_on
-    from quito_cli.on_meshes import solver_of
-    from quito_cli.refinement.refine import Limits, refine
-    from quito_cli.solvers.interruption import interruptible
     from quito_cli.transcription.mesh import Mesh
 
     model, options = task.model, task.options
@@ -222,6 +226,12 @@ def _direct(task: Task, warm: Solution | None, build_seconds: float) -> tuple[So
     mesh = Mesh.through(options.steps, points)
     if options.mesh == "uniform":
         return certified(model, task.on(mesh, warm, build_seconds)), False
+
+    from quito_cli.on_mesh import method_on
+    from quito_cli.on_meshes import solver_of
+    from quito_cli.refinement.refine import Limits, refine
+    from quito_cli.solvers.interruption import interruptible
+
     order = method_on(options, mesh).order
     limits = Limits(
         options.mesh_tolerance, options.mesh_iterations, options.most_cells, np.unique(points)

@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from quito_cli.cli.options import (
-    AsJson,
     Cluster,
     GeneratingFunction,
-    Jobs,
     MaxIterations,
     Settings,
     Steps,
@@ -52,7 +50,10 @@ def batch(
             help="A suite, or problem files; or names of bundled ones.",
         ),
     ],
-    jobs: Jobs = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option("-j", "--jobs", help="Cases at once. [default: as many as processors]"),
+    ] = None,
     cluster: Cluster = None,
     output: Annotated[
         Path, typer.Option("-o", "--output", help="Folder for results and the journal.")
@@ -118,7 +119,9 @@ def batch(
     markdown: Markdown = None,
     html: Html = None,
     plots: Plots = None,
-    as_json: AsJson = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object, and nothing else.")
+    ] = False,
     quiet: Annotated[
         bool, typer.Option("--quiet", "-q", help="Print cases that do not pass, and no others.")
     ] = False,

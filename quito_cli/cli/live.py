@@ -9,6 +9,7 @@ from __future__ import annotations
 import shutil
 import sys
 import time
+from types import TracebackType
 from typing import TYPE_CHECKING, Any, Final, Self
 
 import typer
@@ -85,7 +86,12 @@ class Live:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
         self._erase()
 
 

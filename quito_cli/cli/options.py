@@ -8,7 +8,6 @@ import typer
 
 from quito_cli.solve import Options
 
-ProblemName = Annotated[str, typer.Argument(help="A problem file, or the name of a bundled one.")]
 GeneratingFunction = Annotated[
     str | None,
     typer.Option(
@@ -50,6 +49,8 @@ Settings = Annotated[
         help="Set a constant, or a value by its path (states.x1.upper=2); may be repeated.",
     ),
 ]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object, and nothing else.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 Variance = Annotated[
     float | None,
     typer.Option(
@@ -97,9 +98,3 @@ Cluster = Annotated[
         help="A Dask scheduler, such as tcp://head-node:8786, whose workers solve the cases.",
     ),
 ]
-Jobs = Annotated[
-    int | None,
-    typer.Option("-j", "--jobs", help="Cases at once. [default: as many as processors]"),
-]
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object, and nothing else.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]

@@ -9,7 +9,6 @@ from typing import Annotated, Any
 import typer
 
 from quito_cli.cli.options import (
-    AsJson,
     Control,
     Degree,
     Discretization,
@@ -17,8 +16,6 @@ from quito_cli.cli.options import (
     MaxIterations,
     Mesh,
     Polish,
-    ProblemName,
-    Quiet,
     Settings,
     Solver,
     Steps,
@@ -35,7 +32,7 @@ INTERRUPTED = 130
 
 
 def solve(
-    problem: ProblemName,
+    problem: Annotated[str, typer.Argument(help="A problem file, or the name of a bundled one.")],
     steps: Steps = None,
     variance: Variance = None,
     generating_function: GeneratingFunction = None,
@@ -122,8 +119,10 @@ def solve(
     ] = Path("results"),
     picture: Picture = "png",
     no_plot: Annotated[bool, typer.Option("--no-plot", help="Draw no picture.")] = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object, and nothing else.")
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
     verbose: Annotated[
         bool, typer.Option("--verbose", "-v", help="Print every iteration and all evidence.")
     ] = False,

@@ -8,18 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from quito_cli.cli.options import (
-    AsJson,
     Cluster,
     Control,
     Degree,
     Discretization,
     GeneratingFunction,
-    Jobs,
     MaxIterations,
     Mesh,
     Polish,
-    ProblemName,
-    Quiet,
     Settings,
     Solver,
     Steps,
@@ -38,7 +34,7 @@ if TYPE_CHECKING:
 
 
 def sweep(
-    problem: ProblemName,
+    problem: Annotated[str, typer.Argument(help="A problem file, or the name of a bundled one.")],
     over: Annotated[
         list[str] | None,
         typer.Option(
@@ -63,7 +59,10 @@ def sweep(
             show_default=False,
         ),
     ] = None,
-    jobs: Jobs = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option("-j", "--jobs", help="Cases at once. [default: as many as processors]"),
+    ] = None,
     cluster: Cluster = None,
     time_limit: Annotated[
         float | None, typer.Option(metavar="SECONDS", help="Of each case.")
@@ -92,8 +91,10 @@ def sweep(
     ] = Path("results"),
     picture: Picture = "png",
     no_plot: Annotated[bool, typer.Option("--no-plot", help="Draw no pictures.")] = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object, and nothing else.")
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
 ) -> None:
     """Solve a problem at all combinations of values, and draw what becomes of it over them.
 
