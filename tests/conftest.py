@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import json
+import signal
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -35,6 +36,11 @@ dynamics: {x: u}
 cost: {lagrange: 0.5*(x^2 + u^2)}
 """
 """V(t, x) = tanh(1 − t) x²/2, so x = cosh(1−t)/cosh 1, u = −sinh(1−t)/cosh 1, λ = −u."""
+
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # begun in the background of a script, where Ctrl-C is not heard: the tests press it themselves
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(autouse=True)

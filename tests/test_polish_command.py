@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import re
 import signal
 import sys
@@ -353,7 +352,7 @@ def test_what_is_refused(arguments: tuple[str, ...], said: str, quito_: Quito) -
 
 def test_ctrl_c_during_the_polish_leaves_the_direct_answer(quito_: Quito, engine: Engine) -> None:
     def pressed(problem: Any, model: Any, options: Any, direct: quito.Solution) -> quito.Solution:
-        os.kill(os.getpid(), signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
         raise AssertionError("it went on")
 
     engine.does = pressed
@@ -374,7 +373,7 @@ def test_ctrl_c_before_it_begins_is_heeded(engine: Engine, monkeypatch: pytest.M
     certified = on_answer.certified
 
     def pressed(model: Any, solution: quito.Solution) -> quito.Solution:
-        os.kill(os.getpid(), signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
         return certified(model, solution)
 
     monkeypatch.setattr(on_answer, "certified", pressed)
