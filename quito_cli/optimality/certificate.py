@@ -23,6 +23,7 @@ from quito_cli.optimality.conditions import (
     state_equation,
 )
 from quito_cli.optimality.conditions_at_ends import feasibility, transversal
+from quito_cli.optimality.conditions_of_minimum import least_hamiltonian
 from quito_cli.optimality.conditions_of_multipliers import other_multipliers, path_multipliers
 from quito_cli.optimality.conditions_of_switching import (
     generalised_clebsch,
@@ -50,6 +51,7 @@ CONDITIONS: tuple[Callable[[Look], Iterator[Condition]], ...] = (
     hamiltonian,
     legendre_clebsch,
     generalised_clebsch,
+    least_hamiltonian,
     transversal,
     path_multipliers,
     other_multipliers,
