@@ -99,8 +99,8 @@ def _reason(look: Look, at: Indices, found: Found, scale: Array, time: float) ->
     allowed = np.maximum(SHARP * scale, SAFETY * _explained(look, at, found))
     k = int(np.argmin(np.abs(t - time)))
     run = next(r for r in runs_of((found.lost > allowed).astype(int)) if r.first <= k <= r.last)
-    which = named(look.system, found.least.controls[k], found.own.controls[k])
-    own = named(look.system, found.own.controls[k], found.least.controls[k])
+    u, better = look.flow.u[at[k]], found.least.controls[k]
+    which, own = named(look.system, better, u), named(look.system, u, better)
     first, last = look.panels.times[at[run.first]], look.panels.times[at[run.last] + 1]
     return (
         f"another control makes H less from t = {first:.6g} to {last:.6g}: at t = {t[k]:.6g} by "

@@ -64,8 +64,8 @@ class Found:
     least: Best
     """The best that were found."""
     size: Array
-    """(n,): what the summands of H change by in the median of all that was tried along a control,
-    the one along which that is most; 0 where nothing was admissible."""
+    """(n,): what the summands of H change by, in the upper quartile of all that was tried along a
+    control, the one along which that is most; 0 where nothing was admissible."""
 
     @property
     def lost(self) -> Array:
@@ -118,7 +118,7 @@ class Search:
         for i in self.free:
             line = self._tried(self._line(own.controls, i))
             change = np.abs(line.summands - own.summands).sum(axis=2)
-            size = np.maximum(size, _median(change))
+            size = np.maximum(size, _quartile(change))
             best = lower_of(best, _lowest(line))
             well = self._other_well(line, own, i)
             if np.isfinite(well.hamiltonian).any():
@@ -154,8 +154,9 @@ class Search:
         """Return what H is made of, with controls moved to where constraints hold."""
         count, n, n_u = controls.shape
         flat, summands, off = self._mended(count, controls.reshape(count * n, n_u))
-        good = (np.abs(off) <= INSIDE).all(axis=1) & np.isfinite(summands).all(axis=1)
-        summands = np.where(good[:, None], summands, np.inf)
+        good = (np.abs(off) <= INSIDE).all(axis=1, keepdims=True)
+        good = good & np.isfinite(summands).all(axis=1, keepdims=True)
+        summands = np.where(good, summands, np.inf)
         return _Tried(flat.reshape(controls.shape), summands.reshape(count, n, -1))
 
     def _mended(self, count: int, controls: Array) -> tuple[Array, Array, Array]:
@@ -257,12 +258,12 @@ def lower_of(one: Best, other: Best) -> Best:
     )
 
 
-def _median(changes: Array) -> Array:
-    """Return medians over what was tried, (n,), of what is finite; 0 where nothing is."""
+def _quartile(changes: Array) -> Array:
+    """Return upper quartiles over what was tried, (n,), of what is finite; 0 where nothing is."""
     known = np.where(np.isfinite(changes), changes, np.inf)
     ordered, counts = np.sort(known, axis=0), np.isfinite(known).sum(axis=0)
-    middle = ordered[np.maximum(counts - 1, 0) // 2, np.arange(changes.shape[1])]
-    return np.where(counts > 0, middle, 0.0)
+    at = np.maximum(3 * counts - 1, 0) // 4
+    return np.where(counts > 0, ordered[at, np.arange(changes.shape[1])], 0.0)
 
 
 def _shortest(slopes: Array, off: Array) -> Array:

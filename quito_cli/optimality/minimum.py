@@ -67,21 +67,33 @@ def slopes_say_all(system: Pontryagin, probe: Probe, curvature: Array) -> str:
 
 
 def _quadratic(system: Pontryagin, probe: Probe) -> bool:
-    """Whether H is quadratic in u, or affine, and rows affine: Taylor's formula holds far away too.
+    """Whether H is quadratic in u, or affine, and the rows that speak of u are affine.
 
-    Of what has steps or kinks it does not, whatever the derivatives say.
+    Taylor's formula is to hold far away too: steps and kinks are in no derivative.
     """
     import casadi as ca
 
-    u, h = system.model.u, system.hamiltonian
+    u, h, bend = system.model.u, system.hamiltonian, system.curvature
     rows = ca.vertcat(*(row.value for row in system.rows if row.mixed), ca.SX(0, 1))
-    spans, by_rows = np.ptp(probe.points[2], axis=1), ca.jacobian(rows, u)
+    by_rows = ca.jacobian(rows, u)
     rests = []
-    for step in (ca.DM(spans), ca.DM(-spans)):
+    for step in _far(system, probe):
         there, rows_there = ca.substitute([h, rows], [u], [u + step])
-        taylor = h + ca.dot(system.switching, step) + ca.dot(step, system.curvature @ step) / 2
+        taylor = h + ca.dot(system.switching, step) + ca.dot(step, bend @ step) / 2
         rests += [there - taylor, rows_there - rows - by_rows @ step]
     try:
+        if probe.depends(ca.vertcat(ca.vec(ca.densify(bend)), ca.vec(ca.densify(by_rows))), u):
+            return False
         return probe.vanishes(ca.densify(ca.vertcat(*rests)))
     except TooLargeError:
         return False
+
+
+def _far(system: Pontryagin, probe: Probe) -> tuple[ca.DM, ca.DM]:
+    """Return steps of all controls: as far as bounds are apart, or as controls are large."""
+    import casadi as ca
+
+    points = probe.points[2]
+    without = ~np.isfinite(np.subtract(*system.model.control_bounds))
+    steps = np.ptp(points, axis=1) + np.where(without, np.abs(points).max(axis=1), 0.0)
+    return ca.DM(steps), ca.DM(-steps)
