@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-MOMENTS = 100
+MOMENTS = 50
 """Panels that are looked at, at most."""
 
 
@@ -98,7 +98,9 @@ def _reason(look: Look, at: Indices, found: Found, scale: Array, time: float) ->
     t = look.flow.t[at]
     allowed = np.maximum(SHARP * scale, SAFETY * _explained(look, at, found))
     k = int(np.argmin(np.abs(t - time)))
-    run = next(r for r in runs_of((found.lost > allowed).astype(int)) if r.first <= k <= r.last)
+    less = ~(found.lost <= allowed)  # what is not finite too
+    less[k] = True
+    run = next(r for r in runs_of(less.astype(int)) if r.first <= k <= r.last)
     u, better = look.flow.u[at[k]], found.least.controls[k]
     which, own = named(look.system, better, u), named(look.system, u, better)
     first, last = look.panels.times[at[run.first]], look.panels.times[at[run.last] + 1]

@@ -23,10 +23,10 @@ Array = NDArray[np.float64]
 
 ALONG = 33
 """Values of each control that are tried while the others stay."""
-CLOSER = 3
-"""Times that a well is looked at closer, each time four times."""
-CORNERS, SCATTERED = 32, 16
-"""Points of all controls together that are tried: where bounds meet, and between."""
+CLOSER, ABOUT = 3, np.array([-0.75, -0.5, -0.25, 0.25, 0.5, 0.75])
+"""Times that a well is looked at closer, each time four times; where, in steps."""
+CORNERS, SCATTERED = 32, 8
+"""Points of all controls together that are tried at a moment: where bounds meet, and between."""
 DOWNHILL = 5
 """Steps that are taken from each of those between, half as far each time."""
 MENDED = 6
@@ -133,8 +133,8 @@ class Search:
         best = Best(self.u, summands)
         for i in self.free:
             if near[i] > 0:
-                shifts = near[i] * np.array([-1.0, -0.5, 0.5, 1.0])
-                best = lower_of(best, _lowest(self._tried(self._shifted(best.controls, i, shifts))))
+                tried = self._tried(self._shifted(best.controls, i, near[i] * ABOUT / ABOUT.max()))
+                best = lower_of(best, _lowest(tried))
         return best
 
     def _line(self, controls: Array, i: int) -> Array:
@@ -196,22 +196,22 @@ class Search:
     def _closer(self, best: Best, i: int) -> Best:
         """Return the best about values of a control, between those that were tried."""
         step = (self.box[1][i] - self.box[0][i]) / (ALONG - 1)
-        shares = np.array([-0.75, -0.5, -0.25, 0.25, 0.5, 0.75])
         for k in range(CLOSER):
-            tried = self._tried(self._shifted(best.controls, i, step * shares / 4**k))
+            tried = self._tried(self._shifted(best.controls, i, step * ABOUT / 4**k))
             best = lower_of(best, _lowest(tried))
         return best
 
     def _scattered(self, own: Best) -> Best:
-        """Return the best that is found from points scattered over all controls."""
-        lower, upper = self.box
+        """Return the best that is found from points scattered over all controls.
+
+        They differ from moment to moment; what is found at some is tried at all.
+        """
+        (lower, upper), (n, n_u) = self.box, self.u.shape
         # Halton's points would do as well; a seed makes the same answer of the same problem.
-        shares = np.random.default_rng(0).random((CORNERS + SCATTERED, self.u.shape[1]))
-        shares[:CORNERS] = np.round(shares[:CORNERS])
-        points = np.repeat((lower + shares * (upper - lower))[:, None], len(self.u), axis=1)
-        tried = self._tried(points)
-        best = lower_of(own, _lowest(tried))
-        inner = _Tried(tried.controls[CORNERS:], tried.summands[CORNERS:])
+        random = np.random.default_rng(0)
+        corners = np.unique(random.integers(0, 2, (CORNERS, n_u)), axis=0)[:, None]
+        best = lower_of(own, _lowest(self._tried(self._spread(np.repeat(corners, n, axis=1)))))
+        inner = self._tried(self._spread(random.random((SCATTERED, n, n_u))))
         for k in range(DOWNHILL):
             for i in self.free:
                 step = (upper[i] - lower[i]) / 4 / 2**k
@@ -219,7 +219,13 @@ class Search:
                     moved = inner.controls.copy()
                     moved[:, :, i] = np.clip(moved[:, :, i] + shift, lower[i], upper[i])
                     inner = inner.lower(self._tried(moved))
-        return lower_of(best, _lowest(inner))
+        best = lower_of(best, _lowest(inner))
+        some = np.linspace(0, n - 1, SCATTERED).astype(int)
+        return lower_of(best, _lowest(self._tried(np.repeat(best.controls[some][:, None], n, 1))))
+
+    def _spread(self, shares: Array) -> Array:
+        """Return controls by shares of their ranges."""
+        return self.box[0] + shares * (self.box[1] - self.box[0])
 
 
 class _Tried(NamedTuple):
