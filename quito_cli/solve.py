@@ -178,7 +178,6 @@ def solve(
     from quito_cli.on_meshes import solver_of
     from quito_cli.problem.build import build
     from quito_cli.problem.load import changed, load
-    from quito_cli.refinement.refine import Limits, refine
     from quito_cli.solution.follow import guided
     from quito_cli.solvers.interruption import interruptible
     from quito_cli.transcription.mesh import Mesh
@@ -202,6 +201,9 @@ def solve(
     if chosen.mesh == "uniform":
         direct = certified(model, task.on(mesh, warm, built))
         return polished(problem, model, chosen, direct, listener, stop=False)
+
+    from quito_cli.refinement.refine import Limits, refine
+
     order = method_on(chosen, mesh).order
     limits = Limits(
         chosen.mesh_tolerance, chosen.mesh_iterations, chosen.most_cells, np.unique(points)

@@ -30,9 +30,8 @@ from quito_cli.optimality.conditions_of_switching import (
     singular_arcs,
     switching,
 )
-from quito_cli.optimality.hamiltonian import pontryagin
+from quito_cli.optimality.hamiltonian import Pontryagin, pontryagin
 from quito_cli.optimality.look import Look
-from quito_cli.optimality.polished import Polished, arcs_kept, row_multipliers, sharply
 from quito_cli.optimality.probes import TooLargeError
 from quito_cli.optimality.verdicts import not_applicable
 from quito_cli.problem.model import Model
@@ -41,7 +40,9 @@ from quito_cli.solution.optimal import HAMILTONIAN, SWITCHING, Condition, Extrem
 if TYPE_CHECKING:
     from quito_cli.solution.solution import Solution
 
-CONDITIONS: tuple[Callable[[Look], Iterator[Condition]], ...] = (
+Tests = tuple[Callable[[Look], Iterator[Condition]], ...]
+
+CONDITIONS: Tests = (
     state_equation,
     costate_equation,
     interior,
@@ -58,11 +59,6 @@ CONDITIONS: tuple[Callable[[Look], Iterator[Condition]], ...] = (
     feasibility,
 )
 """In the order of the certificate; each gives its rows."""
-POLISHED = (
-    *(row_multipliers if test is path_multipliers else test for test in CONDITIONS),
-    arcs_kept,
-)
-"""Of polished answers, whose multipliers and arcs are known."""
 ALL = "Pontryagin's conditions"
 """The one row where none can be looked at."""
 
@@ -76,18 +72,30 @@ def certify(model: Model, solution: Solution) -> Extremal:
     system = pontryagin(model)
     try:
         with np.errstate(all="ignore"):  # what is not finite fails, and says so
-            look = (Polished if solution.polished else Look).at(system, solution)
+            look, tests = _looked(system, solution)
             arcs = look.arcs
-            tests = POLISHED if solution.polished else CONDITIONS
             rows = tuple(chain.from_iterable(test(look) for test in tests))
     except TooLargeError:
         return _nothing("the Hamiltonian is too long to be worked on")
     if solution.polished:
+        from quito_cli.optimality.polished import sharply
+
         rows = tuple(map(sharply, rows))
     curves = {HAMILTONIAN: look.point.hamiltonian}
     for i, label in enumerate(look.names):
         curves[SWITCHING + label] = look.point.gradient[:, i]
     return Extremal(arcs, rows, look.flow.t, curves)
+
+
+def _looked(system: Pontryagin, solution: Solution) -> tuple[Look, Tests]:
+    """Return an answer looked at, and what is asked of it."""
+    if not solution.polished:
+        return Look.at(system, solution), CONDITIONS
+    from quito_cli.optimality.polished import Polished, arcs_kept, row_multipliers
+
+    # Its multipliers and arcs are known.
+    tests = (row_multipliers if test is path_multipliers else test for test in CONDITIONS)
+    return Polished.at(system, solution), (*tests, arcs_kept)
 
 
 def _nothing(reason: str) -> Extremal:

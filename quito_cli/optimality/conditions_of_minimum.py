@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from quito_cli.optimality.conditions import accumulated
 from quito_cli.optimality.dilation import positive
 from quito_cli.optimality.hamiltonian import sampled
-from quito_cli.optimality.lesser import Found, Search
 from quito_cli.optimality.look import LOCAL, Look
 from quito_cli.optimality.marks import runs_of
 from quito_cli.optimality.minimum import measured, named, slopes_say_all
@@ -26,6 +25,8 @@ from quito_cli.solution.optimal import MINIMUM, Condition
 
 if TYPE_CHECKING:
     import casadi as ca
+
+    from quito_cli.optimality.lesser import Found
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -60,6 +61,8 @@ def least_hamiltonian(look: Look) -> Iterator[Condition]:
 
 def _searched(look: Look, at: Indices) -> Found:
     """Return what is found at some panels."""
+    from quito_cli.optimality.lesser import Search
+
     f, p, nu = look.flow, look.solution.parameters, look.impulses.integral
     function = measured(look.system, _summands(look))
 
