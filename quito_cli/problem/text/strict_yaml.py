@@ -31,7 +31,7 @@ _SHORT = 60  # characters of a text quoted in a message
 _DIGITS = 300  # of an integer; a longer one may not fit a float
 _REREADINGS = 20  # of a text whose expressions break its syntax: as many as are printed
 
-_UNREADABLE = re.compile(r"[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_UNREADABLE = yaml.reader.Reader.NON_PRINTABLE
 
 _SECOND = "a second document begins here: a file holds only one"
 _REPEAT = "repeat the value, or name it under constants"
