@@ -45,7 +45,7 @@ def least_hamiltonian(look: Look) -> Iterator[Condition]:
     if not len(clear):
         yield not_applicable(MINIMUM, "there is no stretch away from the junctions")
         return
-    at = clear[np.unique(np.linspace(0, len(clear) - 1, MOMENTS).astype(int))]
+    at = clear[np.linspace(0, len(clear) - 1, min(MOMENTS, len(clear))).astype(int)]
     found = _searched(look, at)
     if not found.size.any():
         yield not_applicable(MINIMUM, "no other control was found that the constraints admit")

@@ -209,8 +209,10 @@ class Search:
         (lower, upper), (n, n_u) = self.box, self.u.shape
         # Halton's points would do as well; a seed makes the same answer of the same problem.
         random = np.random.default_rng(0)
-        corners = np.unique(random.integers(0, 2, (CORNERS, n_u)), axis=0)[:, None]
-        best = lower_of(own, _lowest(self._tried(self._spread(np.repeat(corners, n, axis=1)))))
+        corners = np.array(sorted({tuple(c) for c in random.integers(0, 2, (CORNERS, n_u))}))
+        best = lower_of(
+            own, _lowest(self._tried(self._spread(np.repeat(corners[:, None], n, axis=1))))
+        )
         inner = self._tried(self._spread(random.random((SCATTERED, n, n_u))))
         for k in range(DOWNHILL):
             for i in self.free:

@@ -48,7 +48,7 @@ def lesser(dense: Dense, pieces: tuple[Piece, ...]) -> Iterator[Fault]:
 def _searched(dense: Dense, k: int, piece: Piece) -> tuple[Array, Found]:
     """Return times of a phase, and what is found there."""
     flat = piece.flat()
-    some = np.unique(np.linspace(0, len(flat[0]) - 1, MOMENTS).astype(int))
+    some = np.linspace(0, len(flat[0]) - 1, min(MOMENTS, len(flat[0]))).astype(int)
     t, y, z, u = (part[some] for part in flat)
     function = _measured(dense.system, k)
 
