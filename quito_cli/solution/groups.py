@@ -16,19 +16,17 @@ class Group:
 
     def __init__(self, parent: h5py.Group, name: str) -> None:
         self.group = parent.create_group(name)
-        self.scales: dict[str, Any] = {}
 
     def axis(self, name: str, values: Any) -> None:
         """Write a dimension scale."""
         scale = self.dataset(name, values)
         scale.make_scale(name)
-        self.scales[name] = scale
 
     def data(self, name: str, values: Any, *axes: str) -> None:
         """Write an array along axes written before."""
         dataset = self.dataset(name, values)
         for i, axis in enumerate(axes):
-            dataset.dims[i].attach_scale(self.scales[axis])
+            dataset.dims[i].attach_scale(self.group[axis])
 
     def dataset(self, name: str, values: Any) -> Any:
         """Write numbers or a list of texts."""
