@@ -142,10 +142,11 @@ def method_on(options: Options, mesh: Mesh) -> Method:
     """
     from quito_cli.problem.options import COLLOCATION
     from quito_cli.transcription.cells import Discretization
-    from quito_cli.transcription.collocation import Collocation
     from quito_cli.transcription.schemes import scheme
 
     if options.discretization == COLLOCATION:
+        from quito_cli.transcription.collocation import Collocation
+
         return Collocation(mesh, options.degree)
     basis = control_basis(options, mesh.cells).on(mesh)
     return Discretization(mesh, basis, scheme(options.discretization), options.substeps)

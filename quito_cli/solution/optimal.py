@@ -20,6 +20,8 @@ Verdict = Literal["holds", "holds to discretization accuracy", "fails", "not app
 
 UNRESOLVED = "that the cells resolve"
 """What the reason of a condition says that does not apply for want of cells."""
+MINIMUM = "H is least over the admissible controls"
+"""Name of the condition that lesser wells of H violate."""
 HAMILTONIAN, SWITCHING = "Hamiltonian", "dH/d"
 """Names of curves: the Hamiltonian; before the label of a control, its switching function."""
 
