@@ -42,7 +42,7 @@ from quito_cli.gui.serve import free_port  # noqa: E402
 from quito_cli.gui.shelf import Shelf  # noqa: E402
 from quito_cli.problem.library import bundled  # noqa: E402
 
-PATIENCE = 200
+PATIENCE = 600
 """Tenths of a second that anything may take."""
 
 
@@ -50,8 +50,8 @@ PATIENCE = 200
 def services(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Services]:
     folder = tmp_path_factory.mktemp("folder")
     (folder / "mine.yaml").write_bytes(bundled()["bang_bang"].read_bytes())
-    desk = Desk(LIMITS, workers=1)
-    checker = Checker(10.0, 1 << 30, LIMITS.characters)
+    desk = Desk(replace(LIMITS, grace=60.0), workers=1)  # who is slow to notice is not ended
+    checker = Checker(60.0, 1 << 30, LIMITS.characters)
     exporter = Exporter(60.0, LIMITS.memory)
     shelf = Shelf(folder, LIMITS.characters)
     yield Services(desk, checker, exporter, shelf, Tabs(desk), LIMITS.characters)
@@ -293,7 +293,7 @@ def test_a_reload_finds_text_settings_and_results(services: Services) -> None:
 def test_a_reload_in_the_middle_follows_the_solve(services: Services) -> None:
     async def doing(person: Person) -> None:
         person.type(LONG)
-        await person.until(lambda: person.one("set-steps").value == 101)
+        await person.until(lambda: person.one("set-steps").value == 901)
         person.user.find(marker="run").click()
         await person.until(lambda: person.label("iteration").text != "–")
         await person.open()
@@ -341,14 +341,14 @@ def test_saving_asks_before_it_replaces(services: Services) -> None:
     async def doing(person: Person) -> None:
         for name, word in (("kept.yaml", "saved"), ("mine.yaml", "Keep it")):
             person.user.find(marker="save").click()
-            await person.user.should_see("Save in the folder as")
+            await person.user.should_see("Save in the folder as", retries=PATIENCE)
             with person.user:
                 person.one("name-to-save").value = name
             person.user.find(marker="ok").click()
             if word == "saved":
                 await person.until(lambda: "saved as kept.yaml" in person.label("status").text)
             else:
-                await person.user.should_see("Keep it")
+                await person.user.should_see("Keep it", retries=PATIENCE)
                 person.user.find("Keep it").click()
         assert services.shelf.read("folder", "kept.yaml") == person.text
         assert "bang" in services.shelf.read("folder", "mine.yaml")

@@ -55,7 +55,7 @@ class Exporter:
             seconds: that one may take.
             memory: bytes that the process may hold.
         """
-        self._aside = Aside(seconds, memory)
+        self._aside = Aside(seconds, memory, _load)
 
     async def export(self, folder: Path, form: str) -> Download:
         """Make a download of a finished job; what was made before is not made again.
@@ -83,6 +83,13 @@ class Exporter:
     def close(self) -> None:
         """End the process."""
         self._aside.close()
+
+
+def _load(tell: Callable[[Any], None]) -> None:
+    """Load what most exports need."""
+    import quito_cli.gui.report
+    import quito_cli.plots.figure
+    import quito_cli.solution.solution  # noqa: F401
 
 
 def _export(folder: Path, form: str, tell: Callable[[Any], None]) -> Download:

@@ -87,15 +87,16 @@ class Results:
         tab, answer = self._tab, await _answer(folder)
         if answer.kind == "compare":
             before, tab.compared = tab.compared, job
-            if before is not None:
+            if before is not None and before != job:
                 self.forget(before)
             self._compare.show(answer)
             return answer
-        tab.count += 1
-        asked = tab.requests[job]
-        made = Run(job, tab.count, asked.name, asked.options, folder, answer.figures)
-        for old in tab.runs.add(made):
-            self.forget(old)
+        if tab.run(job) is None:  # else the page was loaded anew just then
+            tab.count += 1
+            asked = tab.requests[job]
+            made = Run(job, tab.count, asked.name, asked.options, folder, answer.figures)
+            for old in tab.runs.add(made):
+                self.forget(old)
         await self.show(job, answer)
         return answer
 
