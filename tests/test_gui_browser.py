@@ -261,7 +261,7 @@ def test_runs_are_laid_over_one_another_and_compared(page: Page) -> None:
     said = page.until(lambda: page.hovered("#plot", 90).partition("t = ")[2])
     for line in ("u", "u, 1: alychan", "u, reference", "x3, 1: alychan"):
         assert re.search(rf"^{line}\s+-?[\d.]+", said, re.MULTILINE), said
-    page.run("quito.zoom(0.5)")
+    page.run("quito.zoom('plot', 0.5)")
     page.until(lambda: page.run("return quito.chart().getOption().dataZoom[0].end") == 75)
     page.tab("Compare")
     page.push("With LGR collocation")

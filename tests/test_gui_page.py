@@ -260,7 +260,10 @@ def test_runs_are_seen_laid_over_and_removed(
     at_the_page(services, doing)
 
 
-def test_compared_with_the_reference(services: Services) -> None:
+def test_compared_with_the_reference(services: Services, monkeypatch: pytest.MonkeyPatch) -> None:
+    taken: list[Path] = []
+    monkeypatch.setattr(UserDownload, "file", lambda _, path, *named: taken.append(path))
+
     async def doing(person: Person) -> None:
         person.set("steps", 20)
         await person.solve()
@@ -270,6 +273,15 @@ def test_compared_with_the_reference(services: Services) -> None:
             text = "".join(e.content for e in person.user.find(ui.html).elements)
         assert "Error of the control" in text
         assert "lgr" in text
+        names = {each["name"] for each in person.one("compared-chart").options["series"]}
+        assert {"lgr", "quasi-interpolant:gaussian", "u, reference", "x1, reference"} <= names
+        labels = [axis["name"] for axis in person.one("compared-chart").options["yAxis"]]
+        assert labels[:2] == ["u", "error of u"]
+        assert labels[-1] == "x3"
+        person.user.find(marker="compared-csv").click()
+        await person.until(lambda: taken)
+        heads, *rows = list(csv.reader(taken[0].read_text("utf-8").splitlines()))
+        assert [row[heads.index("method")] for row in rows][1:] == ["lgr"]
 
     at_the_page(services, doing)
 
@@ -409,8 +421,8 @@ def answer(charts: tuple[Chart, ...]) -> Answer:
 
 def test_a_picture_has_bounds_marks_arcs_and_the_reference() -> None:
     lines = (
-        Line("u", "answer", (0.0, 1.0), (0.0, 1.0)),
-        Line("reference", "reference", (0.0, 1.0), (0.0, None)),
+        Line("u", "answer", 0, (0.0, 1.0), (0.0, 1.0)),
+        Line("reference", "reference", -1, (0.0, 1.0), (0.0, None)),
     )
     chart = Chart(
         "controls",
@@ -419,7 +431,7 @@ def test_a_picture_has_bounds_marks_arcs_and_the_reference() -> None:
         "t",
         lines,
         bounds=(-1.0, 1.0),
-        marks=(Mark(0.5, 0.1, "u jumps"),),
+        marks=(Mark(0.5, 0.1, "0.5 ± 0.1  u jumps", True),),
         spans=(Span(0.0, 0.5, "lower", "at lower bound"), Span(0.5, 1.0, "interior", "interior")),
     )
     drawn = picture(answer((chart,)), ["controls"], (), True)
@@ -427,14 +439,18 @@ def test_a_picture_has_bounds_marks_arcs_and_the_reference() -> None:
     assert [entry.name for entry in drawn.legend] == [
         "reference",
         "bound",
-        "switching time",
+        "switching time 0.5",
         "at a bound",
     ]
     series = drawn.options["series"]
     assert [each["name"] for each in series] == ["~bound -1", "~bound 1", "u", "u, reference"]
     assert series[-1]["markLine"]["data"][0]["xAxis"] == 0.5
     assert len(series[-1]["markArea"]["data"]) == 1
-    assert "u jumps" in drawn.said
+    assert "switching at 0.5 ± 0.1  u jumps" in drawn.said
+    many = replace(chart, marks=tuple(Mark(i / 9, 0.0, f"{i}", False) for i in range(9)))
+    crowded = picture(answer((many,)), ["controls"], (), True)
+    assert crowded
+    assert "9 switching times" in {entry.name for entry in crowded.legend}
     without = picture(answer((chart,)), ["controls"], [("2: p", answer((chart,)))], False)
     assert without
     assert [each["name"] for each in without.options["series"]][2:] == ["u, 2: p", "u"]
