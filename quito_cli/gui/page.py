@@ -211,6 +211,7 @@ class View:
         except QuitoError as error:
             self._say(str(error), "bad")
             return
+        self._history = ()
         self._tab.asked = job
         self._tab.requests[job] = request
         self._bar.begin("Starting")
@@ -252,10 +253,11 @@ class View:
         answer = await self._results.add(job, state.folder)
         kind = "good" if answer.success else "bad"
         if answer.kind == "compare":
+            self._bar.draw(self._history)
             self._say("Compared.", kind)
             return
         self._bar.end(_last(answer, state.seconds), self._history)
-        self._say(f"{answer.said} {state.note}".strip(), kind)
+        self._say(state.note or answer.said, kind)
 
     def _cancel(self) -> None:
         if self._tab.asked is not None:

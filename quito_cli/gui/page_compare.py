@@ -70,7 +70,8 @@ class Compare:
                     button.on_click(lambda form=form: self._take.take(folder, form))
                 ui.element("div").classes("space")
                 zoom(_PLOT)
-            ui.html(notes(answer.diagnosis, "bad") + notes(answer.warnings, "warn"))
+            said = notes(answer.diagnosis, "bad") + notes(answer.warnings, "warn")
+            ui.html(said + notes(answer.notes[:1], "plain"))
             over_time = picture(answer, _OVER_TIME, (), True)
             if over_time is not None:
                 _explained(over_time)
@@ -79,8 +80,8 @@ class Compare:
             if spectra is not None:
                 _explained(spectra)
                 chart(spectra)
-            said = [table(one.title, one.heads, one.rows, one.helps) for one in answer.tables]
-            ui.html("".join(said) + notes(answer.notes, "plain"))
+            tables = [table(one.title, one.heads, one.rows, one.helps) for one in answer.tables]
+            ui.html("".join(tables) + notes(answer.notes[1:], "plain"))
 
 
 def _explained(drawn: Picture) -> None:

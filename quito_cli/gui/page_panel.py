@@ -77,7 +77,7 @@ class Panel:
             "type": "log" if self.chart.logarithmic else "value",
             "scale": True,
             "splitNumber": 4,
-            "name": self.chart.label,
+            "name": self.chart.label + (", magnified" if self.chart.kind == "magnified" else ""),
             "nameLocation": "end",
             "nameGap": 6,
             "axisLabel": _label(),

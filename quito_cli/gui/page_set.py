@@ -44,6 +44,7 @@ class Form:
                     .mark("copy")
                 )
                 copy.props('aria-label="Copy the command line"')
+        self._fill({})
 
     @property
     def chosen(self) -> dict[str, Any]:
@@ -77,7 +78,7 @@ class Form:
         self._file = dict(file_options)
         self._settings = {each.name: each for each in settings(self._file, self._solvers)}
         self._chosen = {k: v for k, v in self._chosen.items() if k in self._settings}
-        if not self._fields:
+        if not self._fields:  # before anybody looks, so that nothing jumps then
             self._make()
         self._quietly = True
         for name, field in self._fields.items():
