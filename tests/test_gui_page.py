@@ -249,7 +249,7 @@ def test_runs_are_seen_laid_over_and_removed(
         with person.user:
             person.one("known").value = False
         await person.until(lambda: "reference" not in person.html("legend"))
-        person.user.find("Remove").click()
+        person.user.find(marker="remove-1").click()
         await person.until(lambda: "1: alychan" not in person.html("legend"))
         person.user.find(marker="take-csv").click()
         await person.until(lambda: taken)

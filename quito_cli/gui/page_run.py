@@ -143,7 +143,10 @@ def _progress(history: Sequence[Iterated]) -> dict[str, Any]:
     return {
         "animation": False,
         "grid": {"left": 44, "right": 44, "top": 8, "bottom": 18},
-        "xAxis": axis | ends | {"type": "value", "splitLine": {"show": False}},
+        "xAxis": axis
+        | ends
+        | {"type": "value", "splitLine": {"show": False}}
+        | {"axisLabel": _label | {"showMaxLabel": False}},
         "yAxis": [
             axis
             | {

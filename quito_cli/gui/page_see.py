@@ -181,15 +181,14 @@ def certificate(answer: Answer | None) -> str:
     """Return the certificate of Pontryagin's conditions, where there is one."""
     if answer is None or not answer.certificate:
         return "<div class='empty'><p>No certificate: there is no answer to be judged.</p></div>"
-    heads = ("condition", "verdict", "residual", "scale", "worst at", "")
+    heads = ("condition", "verdict", "residual", "scale", "worst at")
     rows = [
         (
             row.condition,
-            row.verdict,
+            f"{row.verdict}: {row.reason}" if row.reason else row.verdict,
             _figure(row.residual, ".1e"),
             _figure(row.scale, ".2g"),
             _figure(row.time, ".4g"),
-            row.reason,
         )
         for row in answer.certificate
     ]
