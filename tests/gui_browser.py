@@ -260,8 +260,13 @@ class Page:
     def press(self, *keys: str) -> None:
         webdriver.ActionChains(self.driver).send_keys(*keys).perform()
 
-    def hovered(self, selector: str, down: int) -> str:
-        """Rest with the pointer on an element, in its middle so many pixels from its top.
+    def hovered(self, selector: str, down: int, right: float | None = None) -> str:
+        """Rest with the pointer on an element, so many pixels from its top and left.
+
+        Args:
+            selector: of the element.
+            down: from its top.
+            right: from its left; None for the middle.
 
         Returns:
             What the element says then; wait for it, for a plot is drawn in its own time.
@@ -269,8 +274,9 @@ class Page:
         element = self.by(selector)
         self.run("arguments[0].scrollIntoView()", element)
         box = self.run("return arguments[0].getBoundingClientRect().toJSON()", element)
+        across = box["width"] / 2 if right is None else right
         for aside in (3, 0):  # a pointer that does not move is not heard of again
-            place = {"x": box["x"] + box["width"] / 2 + aside, "y": box["y"] + down}
+            place = {"x": box["x"] + across + aside, "y": box["y"] + down}
             self.driver.execute_cdp_cmd("Input.dispatchMouseEvent", {"type": "mouseMoved", **place})
         return element.text
 

@@ -267,6 +267,43 @@ def test_runs_are_laid_over_one_another_and_compared(page: Page) -> None:
     page.push("With LGR collocation")
     page.until(lambda: "lgr" in page.by(".q-tab-panels").text.lower() and page.all("table caption"))
     page.until(lambda: "Compared" in page.status())
+    page.until(lambda: len(page.all("#compared-plot path")) > 9)
+    page.push("CSV", "[aria-label='Take away the comparison'] button")
+    assert page.downloaded("alychan-compare.csv").read_text().startswith("method,")
+
+
+def test_a_switching_time_is_told_in_every_plot(page: Page) -> None:
+    page.choose("bang_bang")
+    page.until(lambda: "Bang-bang" in page.text())
+    page.solved()
+    marked = page.run(
+        "const chart = quito.chart(), lines = chart.getOption().series.filter(s => s.markLine);"
+        "const marks = lines.map(line => line.markLine.data.map(mark => mark.name).join('|'));"
+        "const at = chart.convertToPixel({xAxisIndex: 0}, lines[0].markLine.data[0].xAxis);"
+        "return [marks, at, chart.getOption().grid.length]"
+    )
+    marks, at, plots = marked
+    assert len(marks) == plots > 1
+    assert set(marks) == {marks[0]}
+    first = marks[0].split("|")[0]
+    assert "jumps" in first
+    below = " ".join(first.split())
+    page.until(lambda: below in " ".join(page.hovered("#plot", 90, at).split()))
+    page.until(lambda: "jumps" not in page.hovered("#plot", 90, at + 60))
+    assert "switching time" in page.by(".legend").text
+
+
+def test_nothing_jumps_while_it_loads_and_solves(page: Page) -> None:
+    page.run(
+        "window.jumps = 0; new PerformanceObserver(list => list.getEntries().forEach("
+        "e => { if (!e.hadRecentInput) window.jumps += e.value; }"
+        ")).observe({type: 'layout-shift', buffered: true})"
+    )
+    page.solved()
+    page.tab("Compare")
+    page.push("With the reference")
+    page.until(lambda: "Compared" in page.status())
+    assert page.run("return window.jumps") < 0.05  # half of what is still called good
 
 
 def test_everything_has_a_name(page: Page) -> None:
