@@ -117,10 +117,14 @@ class Job:
         self.cancelled = 0
         """How often that was asked for."""
         self.dropped = False
+        self.begun = False
+        """Whether the worker has it: a request to stop would be lost before."""
         self.asked = False
-        """Whether its solver was told to stop."""
+        """Whether it is to stop."""
+        self.interrupted = False
+        """Whether its solver was told so."""
         self.silence = 0.0
-        """Seconds since then, as far as they were watched, until it had noticed."""
+        """Seconds since it is to stop, as far as they were watched, until it had noticed."""
         self.stopped: float | None = None
         """When it had noticed, with an iterate to keep."""
         self.why = ""
@@ -222,6 +226,7 @@ class Place:
         if job is None:  # it has warmed up, or has died of it, and then its first job will tell
             return
         if isinstance(said, Told):
+            job.begun = True
             if not isinstance(said.message, Noticed):
                 job.heard(said.message)
             elif job.iterating:  # else there is nothing to keep, and nobody knows what it is at
@@ -249,6 +254,8 @@ class Place:
         elif not job.asked and (job.cancelled or late):
             job.why = "cancelled" if job.cancelled else "time"
             job.asked = True
+        if job.asked and job.begun and not job.interrupted:
+            job.interrupted = True
             self._worker.interrupt()
         silent = job.silence > limits.grace and not job.stopped
         slow = job.stopped and now - job.stopped > limits.judging

@@ -78,12 +78,15 @@ def warm_up(folder: Path, tell: Tell) -> None:
 def carry_out(work: Work, tell: Tell) -> bool:
     """Solve or compare; tell of iterations on the way, and leave the answer in the folder.
 
+    What is told are tuples of `Iterated`, an empty one at the start, and `Noticed`.
+
     Returns:
         Whether it was interrupted: the answer is the best iterate then.
 
     Raises:
         QuitoError: the problem or an option is refused, or the answer cannot be written.
     """
+    tell(())  # from here on a request to stop is heard
     from quito_cli.gui.answer import RESULT
     from quito_cli.problem.load import load_text
 
