@@ -253,6 +253,22 @@ def test_calls_take_turns(checker: Checker) -> None:
     assert [found.title for found in asyncio.run(together())] == [f"Cart {i}" for i in range(10)]
 
 
+def test_closing_ends_what_is_being_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(checking, "load", load_this_too)
+    checker = Checker(3600.0, MEMORY, MOST)
+    asyncio.run(checker.check(TEXT, "cart"))
+    monkeypatch.setattr(checking, "look", late)
+
+    async def close_it_in_between() -> Checked:
+        look = asyncio.create_task(checker.check(TEXT, "cart"))
+        await asyncio.sleep(0.3)
+        await asyncio.to_thread(checker.close)
+        return await look
+
+    found = asyncio.run(asyncio.wait_for(close_it_in_between(), 120.0))
+    assert not found.complete
+
+
 def test_a_closed_checker_says_so() -> None:
     checker = Checker(2.0, MEMORY, MOST)
     checker.close()

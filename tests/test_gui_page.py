@@ -216,12 +216,14 @@ def test_settings_become_the_command_line(services: Services) -> None:
 
 def test_what_a_file_asks_for_is_the_default(services: Services) -> None:
     async def doing(person: Person) -> None:
+        field = person.one("set-steps")
         text = services.shelf.read("folder", "mine.yaml")
         person.type(re.sub("^options: .*", "options: {steps: 42}", text, flags=re.MULTILINE))
         await person.until(lambda: person.one("set-steps").value == 42)
         assert " -N" not in person.label("command").text
         person.set("steps", 43)
         assert person.label("command").text.endswith("-N 43")
+        assert person.one("set-steps") is field  # what is typed into it meanwhile is not lost
 
     at_the_page(services, doing)
 
