@@ -191,30 +191,17 @@ def solve(
         model = guided(model, earlier)
     _refuse_too_large(model, chosen, bool({"steps", "degree"} & given))
     _refuse_warm_start(chosen, earlier, problem)
-    task = Task(
-        problem=problem,
-        model=model,
-        options=chosen,
-        tolerance=chosen.tolerance,
-        max_iterations=chosen.max_iterations,
-        own_guess=True,
-        listener=listener,
-    )
+    task = Task(problem, model, chosen, chosen.tolerance, chosen.max_iterations, True, listener)
     warm = earlier if chosen.warm_start else None
     direct, stop = _direct(task, warm, time.perf_counter() - started)
     return polished(problem, model, chosen, direct, listener, stop)
 
 
 def _direct(task: Task, warm: Solution | None, build_seconds: float) -> tuple[Solution, bool]:
-    """Return the certified answer on the mesh that is asked for, or on those that refinement finds.
+    """Return the certified answer, and whether the user has asked to stop once it was found.
 
-    Args:
-        task: what is to be solved.
-        warm: an answer whose multipliers the first solve is to start from.
-        build_seconds: what building took before.
-
-    Returns:
-        The answer, and whether the user has asked to stop once it was found.
+    It is that on the mesh asked for, or the best on those that refinement finds; the first solve
+    starts from the multipliers of `warm`.
     """
     import numpy as np
 
