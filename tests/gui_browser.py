@@ -280,6 +280,21 @@ class Page:
             self.driver.execute_cdp_cmd("Input.dispatchMouseEvent", {"type": "mouseMoved", **place})
         return element.text
 
+    def drag(self, selector: str, down: int, start: float, end: float) -> None:
+        """Draw with the pressed pointer over an element, from left to right."""
+        box = self.run(
+            "return document.querySelector(arguments[0]).getBoundingClientRect().toJSON()", selector
+        )
+        place = {"y": box["y"] + down, "button": "left", "clickCount": 1}
+        for kind, right in (
+            ("mousePressed", start),
+            ("mouseMoved", (start + end) / 2),
+            ("mouseMoved", end),
+            ("mouseReleased", end),
+        ):
+            said = {"type": kind, "x": box["x"] + right, "buttons": 1, **place}
+            self.driver.execute_cdp_cmd("Input.dispatchMouseEvent", said)
+
     def run_keys(self) -> None:
         """Press Ctrl+Enter."""
         chain = webdriver.ActionChains(self.driver)

@@ -291,6 +291,10 @@ def test_a_switching_time_is_told_in_every_plot(page: Page) -> None:
     page.until(lambda: below in " ".join(page.hovered("#plot", 90, at).split()))
     page.until(lambda: "jumps" not in page.hovered("#plot", 90, at + 60))
     assert "switching time" in page.by(".legend").text
+    page.drag("#plot", 90, at, at + 90)  # a band is what is seen from then on
+    zoom = "const zoom = quito.chart().getOption().dataZoom[0]; return [zoom.start, zoom.end]"
+    start, end = page.until(lambda: (seen := page.run(zoom)) != [0, 100] and seen)
+    assert 0 < start < end < 100
 
 
 def test_nothing_jumps_while_it_loads_and_solves(page: Page) -> None:

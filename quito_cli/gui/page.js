@@ -146,12 +146,16 @@ const quito = {
     const start = Math.max(0, Math.min(100 - 2 * half, middle - half));
     chart.dispatchAction({ type: "dataZoom", start, end: start + 2 * half });
   },
-  band(id, tries = 250) {
-    const chart = quito.chart(id);
-    if (!chart && tries) setTimeout(() => quito.band(id, tries - 1), 40);
+  // A chart takes the pointer for a band from when it first comes there: it may be drawn late.
+  band(event) {
+    const place = event.target.closest?.("[data-chart]");
+    const chart = place && quito.chart(place.id);
+    if (!chart || place.banded === chart) return;
+    place.banded = chart;
     const key = "dataZoomSelect";
-    chart?.dispatchAction({ type: "takeGlobalCursor", key, dataZoomSelectActive: true });
+    chart.dispatchAction({ type: "takeGlobalCursor", key, dataZoomSelectActive: true });
   },
 };
 window.quito = quito;
 document.addEventListener("keydown", quito.hear, true);
+document.addEventListener("pointerover", quito.band);

@@ -138,7 +138,6 @@ def zoomed(drawn: Picture, place: str) -> ui.echart:
     with ui.element("div").props(f"id={place}") as around:
         drawing = chart(drawn)
     around.props(f"data-chart={drawing.id}")
-    around.client.run_javascript(f"quito.band('{place}')")
     return drawing
 
 
