@@ -160,6 +160,19 @@ def test_switching_times_and_arcs_are_marked(bang: quito.Solution) -> None:
         ]
 
 
+def test_what_is_no_shape_of_the_hamiltonian_is_not_drawn_as_one(
+    answer: Answer, solution: quito.Solution
+) -> None:
+    """H = u² + λ_x v + λ_v u is constant, here −36: its terms are of that size."""
+    drawn = chart(answer, "switching", "Hamiltonian")
+    assert drawn.low is not None
+    assert drawn.high is not None
+    ys = np.array(drawn.lines[0].y, dtype=float)
+    assert ys == pytest.approx(-36, rel=1e-2)
+    assert drawn.low < ys.min() < ys.max() < drawn.high
+    assert 0.1 < drawn.high - drawn.low < 10
+
+
 def test_each_control_has_its_own_switching_times_and_constraints_theirs() -> None:
     text = BANG.replace("controls: {u:", "controls: {w: {lower: 0, upper: 1}, u:")
     text = text.replace("v: u}", "v: u + 0*w}").replace(

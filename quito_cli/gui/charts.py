@@ -65,6 +65,8 @@ def _curve(
         if line.known is not None:
             name = REFERENCE if len(curve.lines) == 1 else f"{line.name}, {REFERENCE}"
             lines.append(_line(name, -1, known_times, line.known))
+    low, high = panels.span([line.values for line in curve.lines])
+    flat, middle = high - low < curve.least, (low + high) / 2  # what is so small is no shape
     return Chart(
         kind,
         curve.lines[0].name if len(curve.lines) == 1 else curve.label,
@@ -82,6 +84,8 @@ def _curve(
             if arc.kind in KIND_NAMES
         ),
         logarithmic=curve.logarithmic,
+        low=middle - curve.least / 2 if flat else None,
+        high=middle + curve.least / 2 if flat else None,
     )
 
 

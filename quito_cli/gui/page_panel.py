@@ -29,7 +29,6 @@ _MARKED = {True: {"width": 1.6, "opacity": 1.0}, False: {"width": 1.1, "opacity"
 """How a switching time is marked: where it is the chart's own, and elsewhere."""
 _MOST_TIMES = 4
 """Switching times that the legend names."""
-_WITHOUT_ENDS = {"showMinLabel": False, "showMaxLabel": False}
 _BOUND_POINTS = 300
 Points = tuple[tuple[float | None, float | None], ...]
 
@@ -82,15 +81,15 @@ class Panel:
             "nameGap": 6,
             "axisLabel": _label(),
         }
-        if self.chart.low is not None and self.chart.high is not None:
-            ends = {"min": self.chart.low, "max": self.chart.high}  # no numbers to stand there
-            return axis | ends | {"axisLabel": _label() | _WITHOUT_ENDS}
+        given = self.chart.low, self.chart.high
+        if None not in given:
+            return axis | _between(*given)
         if self.chart.logarithmic:
             return axis
         low, high = span(value for line in self.chart.lines for value in line.y)
         if high - low <= 1e-9 * max(abs(low), abs(high), 1.0):  # rounding is no shape
             room = 0.5 * max(abs(low), 1.0)
-            return axis | {"min": low - room, "max": high + room}
+            return axis | _between(low - room, high + room)
         return axis | {"boundaryGap": ["4%", "4%"]}
 
     def series(self) -> list[dict[str, Any]]:
@@ -249,6 +248,12 @@ def _axis() -> dict[str, Any]:
 def _label() -> dict[str, Any]:
     look = {"color": "var(--muted)", "fontSize": 11, "hideOverlap": True}
     return look | {":formatter": "value => quito.number(value)"}
+
+
+def _between(low: float | None, high: float | None) -> dict[str, Any]:
+    """Return the ends of an axis; they are no round numbers, and so not written at it."""
+    unwritten = {"showMinLabel": False, "showMaxLabel": False}
+    return {"min": low, "max": high, "axisLabel": _label() | unwritten}
 
 
 def span(values: Iterable[float | None]) -> tuple[float, float]:
