@@ -107,7 +107,7 @@ class Task:
         solved as it stands.
         """
         from quito_cli.optimality.apart import in_order, merged_point, split_answer
-        from quito_cli.optimality.parts import parted
+        from quito_cli.optimality.parted import parted
         from quito_cli.solvers import Status
 
         parts = parted(self.model)

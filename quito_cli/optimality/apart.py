@@ -59,6 +59,24 @@ def split_answer(parts: Parts, answer: Solution) -> Solution:
     )
 
 
+def faithful(parts: Parts, answer: Solution) -> bool:
+    """Whether the formulas of the parts have the values of those of the controls along an answer.
+
+    Whether branches agree at a kink was seen at random points alone.
+    """
+    t = answer.dense_times
+    x, u, p = answer.state(t), answer.control(t), np.tile(answer.parameters[:, None], (1, len(t)))
+    found = []
+    for model, given in ((parts.whole, u), (parts.model, parts.split(u))):
+        own = [model.right_hand_side, *(model.function(c) for c in model.constraints.path)]
+        found.append([np.array(v) for f in own for v in f.map(len(t)).call([x.T, given.T, p, t])])
+    with np.errstate(invalid="ignore"):
+        return all(
+            bool((np.abs(a - b) <= EXACT * (1 + np.abs(a).max(initial=0.0))).all())
+            for a, b in zip(*found, strict=True)
+        )
+
+
 def concave(parts: Parts, answer: Solution) -> bool:
     """Whether H bends downwards at a kink of a control, somewhere along an answer."""
     t, p = answer.times, answer.parameters
@@ -90,13 +108,21 @@ def in_order(parts: Parts, nlp: Nlp, outcome: Outcome) -> bool:
     return longest <= 2 * width(made.method.basis)
 
 
-def mixed(parts: Parts, answer: Solution) -> str:
-    """Say where parts of an exact answer are out of order; empty where they are in order."""
-    disorder = parts.disorder(answer.coefficients)
+def mixed(parts: Parts, own: Solution, whole: Solution) -> str:
+    """Say why an exact answer in parts is none of the controls; empty where it is.
+
+    Args:
+        parts: the parts.
+        own: the answer in parts.
+        whole: the same of the controls.
+    """
+    disorder = parts.disorder(own.coefficients)
     worst, i = np.unravel_index(int(np.argmax(disorder)), disorder.shape)
-    if disorder[worst, i] <= EXACT:
-        return ""
-    return f"{parts.cuts[i].label} would have to be on both sides of a kink at once"
+    if disorder[worst, i] > EXACT:
+        return f"{parts.cuts[i].label} would have to be on both sides of a kink at once"
+    if not faithful(parts, whole):
+        return "a formula jumps where a control is at a kink"
+    return ""
 
 
 def merged_point(

@@ -12,6 +12,7 @@ formula jumps.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 
 SAME = 1e-12
 """Relative distance within which two kinks are one."""
+MOST_CORNERS = 16
+"""Of a term in a control that are looked into; a table read at a control may have many more."""
 MOST_TERMS = 500
 """Terms that a sum is taken apart into."""
 
@@ -98,7 +101,29 @@ def corner(operation: int, arguments: list[ca.SX], u: ca.SX) -> Corner | None:
 
 
 def sites(formula: ca.SX, symbols: list[ca.SX], u: ca.SX) -> dict[int, list[float]]:
-    """Return the sites of a formula's corners by control, in order."""
+    """Return the sites of a formula's corners by control, in order, corners in corners too."""
+    found = _plain_sites(formula, symbols, u)
+    return {i: _with_inner(formula, symbols, u, i, given) for i, given in found.items()}
+
+
+def _with_inner(
+    formula: ca.SX, symbols: list[ca.SX], u: ca.SX, i: int, given: list[float]
+) -> list[float]:
+    """Return sites with those of corners that are seen between them."""
+    while len(given) < MOST_CORNERS:
+        inner: list[float] = []
+        for low, high in pairwise([-np.inf, *given, np.inf]):
+            own = branch(formula, symbols, u, Stretch(i, low, high))
+            inner += [b for b in _plain_sites(own, symbols, u).get(i, ()) if low < b < high]
+        more = distinct([*given, *inner])
+        if len(more) == len(given):
+            break
+        given = more
+    return given
+
+
+def _plain_sites(formula: ca.SX, symbols: list[ca.SX], u: ca.SX) -> dict[int, list[float]]:
+    """Return the sites of corners whose argument has none, by control, in order."""
     found: dict[int, list[float]] = {}
 
     def seen(operation: int, arguments: list[ca.SX]) -> None:

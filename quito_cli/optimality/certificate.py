@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from quito_cli.optimality.apart import concave, merged_extremal, split_answer
+from quito_cli.optimality.apart import concave, faithful, merged_extremal, split_answer
 from quito_cli.optimality.conditions import (
     costate_equation,
     hamiltonian,
@@ -32,7 +32,7 @@ from quito_cli.optimality.conditions_of_switching import (
 )
 from quito_cli.optimality.hamiltonian import pontryagin
 from quito_cli.optimality.look import Look
-from quito_cli.optimality.parts import parted
+from quito_cli.optimality.parted import parted
 from quito_cli.optimality.polished import Polished, arcs_kept, row_multipliers, sharply
 from quito_cli.optimality.probes import TooLargeError
 from quito_cli.optimality.verdicts import not_applicable
@@ -74,7 +74,7 @@ def certify(model: Model, solution: Solution) -> Extremal:
     than of controls: then what they do not meet is judged of the controls.
     """
     parts = parted(model) if solution.success else None
-    if parts is None:
+    if parts is None or not faithful(parts, solution):
         return _certified(model, solution)
     found = _certified(parts.model, split_answer(parts, solution))
     if any(row.verdict == "fails" for row in found.certificate) and concave(parts, solution):

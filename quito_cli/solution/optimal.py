@@ -65,7 +65,8 @@ class Extremal:
     times: Array
     """(points,) at which what follows is sampled, increasing, finer where cells are small."""
     curves: Mapping[str, Array]
-    """(points,) each, by `HAMILTONIAN`, and by `SWITCHING` with the label of each control."""
+    """(points,) each, by `HAMILTONIAN`, and by `SWITCHING` with the label of each control,
+    or of the parts of one with kinks."""
 
 
 def all_switches(arcs: Sequence[Arc], junctions: Sequence[Junction]) -> tuple[float, ...]:

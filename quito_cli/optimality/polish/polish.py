@@ -21,7 +21,7 @@ from quito_cli.optimality.apart import mixed, split_answer
 from quito_cli.optimality.certificate import certify
 from quito_cli.optimality.hamiltonian import pontryagin
 from quito_cli.optimality.look import Look
-from quito_cli.optimality.parts import parted
+from quito_cli.optimality.parted import parted
 from quito_cli.optimality.polish.answer import answer, answer_of_parts
 from quito_cli.optimality.polish.direct import Direct
 from quito_cli.optimality.polish.search import Ending, Log, search
@@ -54,7 +54,8 @@ def polish(problem: Problem, model: Model, options: Options, direct: Solution) -
     started, log = time.perf_counter(), Log()
     parts, sought_of, near = parted(model), model, direct
     if parts is not None:
-        log.tell("assume", f"controls with kinks are taken apart: {parts.told}")
+        if parts.told:
+            log.tell("assume", f"controls with kinks are taken apart: {parts.told}")
         sought_of, near = parts.model, split_answer(parts, direct)
         near = replace(near, extremal=certify(parts.model, near))
     ended = sought(sought_of, near, log)
@@ -68,7 +69,7 @@ def polish(problem: Problem, model: Model, options: Options, direct: Solution) -
     else:
         given = (problem, parts, options, extremal, near, account, account.seconds)
         own, polished = answer_of_parts(*given)
-        refusal = _refusal(own) or mixed(parts, own)
+        refusal = _refusal(own) or mixed(parts, own, polished)
     if not refusal:
         return polished
     steps = (*account.steps[:-1], PolishStep("refuse", refusal))
