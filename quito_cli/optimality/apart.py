@@ -55,8 +55,34 @@ def split_answer(parts: Parts, answer: Solution) -> Solution:
         junctions=found,
         reference=None,
         drawings=(),
-        extremal=None,
+        extremal=_split_extremal(parts, answer) if answer.polished else None,
     )
+
+
+def _split_extremal(parts: Parts, answer: Solution) -> Extremal:
+    """Return the arcs of a polished answer as those of its parts, by what û is in their middle."""
+    names = labels(parts.whole.controls)
+    own = by_quantity(answer.arcs, names)[0]
+    found: list[Arc] = []
+    for i, cut in enumerate(parts.cuts):
+        for j, label in enumerate(cut.labels):
+            found += [
+                replace(arc, of=label, kind=_kind_of_part(cut, j, arc, answer, i))
+                for arc in own.get(cut.label, [])
+            ]
+    rows = [arc for arc in answer.arcs if arc.of not in own]
+    return Extremal((*found, *rows), (), np.zeros(0), {})
+
+
+def _kind_of_part(cut: Cut, j: int, arc: Arc, answer: Solution, i: int) -> Kind:
+    """Return what part j of control i is on an arc: full, empty, or what the control is."""
+    if not cut.sites:
+        return arc.kind
+    v = cut.split(answer.control([(arc.start + arc.end) / 2])[:, i])[0]
+    size, (lower, upper) = 1 + float(np.abs(v).max()), cut.bounds
+    if v[j] <= lower[j] + EXACT * size:
+        return "lower"
+    return "upper" if v[j] >= upper[j] - EXACT * size else arc.kind
 
 
 def faithful(parts: Parts, answer: Solution) -> bool:
