@@ -30,6 +30,9 @@ from quito_cli.problem.model import Bounds, Model
 
 Array = NDArray[np.float64]
 
+LEAST = 1e-6
+"""Range of a control without bounds that does nothing."""
+
 
 @dataclass(frozen=True)
 class Cut:
@@ -133,9 +136,10 @@ class Parts:
         return np.column_stack(found)
 
     def disorder(self, parts: Array) -> Array:
-        """Return `Cut.disorder` of every control, over 1 + its largest value, (points, n_u)."""
+        """Return `Cut.disorder` of every control, over its range, (points, n_u)."""
         found = []
         for cut, at in zip(self.cuts, self.places, strict=True):
-            size = np.abs(cut.merged(parts[:, at])).max(initial=0.0)
+            span = cut.upper - cut.lower
+            size = span if np.isfinite(span) else np.abs(parts[:, at]).max(initial=LEAST)
             found.append(cut.disorder(parts[:, at]) / (size or 1.0))
         return np.column_stack(found)
