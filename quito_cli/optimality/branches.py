@@ -12,6 +12,7 @@ formula jumps.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -80,11 +81,19 @@ def rebuilt(formula: ca.SX, symbols: list[ca.SX], replace: Replace) -> ca.SX:
     return ca.reshape(ca.vertcat(*found), *formula.shape)
 
 
+@cache
+def corner_operations() -> frozenset[int]:
+    """Return the operations that have a corner or a jump where their argument is zero."""
+    import casadi as ca
+
+    return frozenset((ca.OP_FABS, ca.OP_SIGN, ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE))
+
+
 def corner(operation: int, arguments: list[ca.SX], u: ca.SX) -> Corner | None:
     """Return the corner that an operation is in a control; None where it is none that is known."""
     import casadi as ca
 
-    if operation not in (ca.OP_FABS, ca.OP_SIGN, ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE):
+    if operation not in corner_operations():
         return None
     zero = arguments[0] - (arguments[1] if len(arguments) == 2 else 0)
     if not ca.depends_on(zero, u):

@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from quito_cli.optimality.branches import Stretch, branch, distinct, kinks, sites, terms
+from quito_cli.optimality.branches import (
+    Stretch,
+    branch,
+    corner_operations,
+    distinct,
+    kinks,
+    sites,
+    terms,
+)
 from quito_cli.optimality.hamiltonian import pontryagin
 from quito_cli.optimality.parts import Cut, Parts
 from quito_cli.optimality.probes import MOST_OPERATIONS, Probe, TooLargeError
@@ -31,6 +39,8 @@ from quito_cli.problem.model import (
 if TYPE_CHECKING:
     import casadi as ca
 
+MOST_LOOKED_AT = 100_000
+"""Operations of all formulas that are looked for corners."""
 MOST_SITES = 8
 """Kinks of a control; one with more, such as a table read at it, stays whole."""
 
@@ -40,7 +50,7 @@ def parted(model: Model) -> Parts | None:
 
     Controls in whose formulas there are jumps, kinks that move, or too many, stay whole.
     """
-    if not model.n_u:
+    if not model.n_u or not _cornered(model):
         return None
     try:
         found = _sites(model)
@@ -50,6 +60,16 @@ def parted(model: Model) -> Parts | None:
         return Parts(model, _taken_apart(model, cuts, symbols), cuts)
     except TooLargeError:
         return None
+
+
+def _cornered(model: Model) -> bool:
+    """Whether anything in formulas may have a corner; of very long ones it is not asked."""
+    import casadi as ca
+
+    function = ca.Function("all", _symbols(model), [ca.vertcat(*_formulas(model))])
+    count = function.n_instructions()
+    found = (function.instruction_id(k) in corner_operations() for k in range(count))
+    return count <= MOST_LOOKED_AT and any(found)
 
 
 def _symbols(model: Model) -> list[ca.SX]:
