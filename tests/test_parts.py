@@ -137,6 +137,8 @@ COSTS = [
     "(abs(u[0]) + u[1])*(abs(u[1]) - u[0]) + sin(abs(u[0])*x)",
     "min(u[0], 0.5)*max(u[1], w) + abs(u[0])",
     "abs(u[0]*y) + abs(x)*abs(u[1]) + abs(abs(u[0]) - 0.5)",
+    "max(0, abs(u[0]) - 0.2) + x*max(0.1, abs(u[1] - 0.3))",
+    "abs(u[0]) + if_else(abs(u[0]) < 1, u[0]^2, 2*abs(u[0]) - 1)*abs(u[1])",
 ]
 
 
@@ -163,6 +165,15 @@ def test_parts_have_the_slopes_of_their_side(model: Build) -> None:
         np.zeros(1), np.ones((1, 2)), np.array([[-2.0, 0]]), np.zeros((1, 2)), np.zeros(0)
     )
     assert point.gradient[0] == pytest.approx([2 + 2, 1 - 6])  # −(−2 − 2) below, 1 + 3λ above
+
+
+def test_corners_that_are_no_kinks_hide_none(model: Build) -> None:
+    """max(0, |u| − 0.2) is 0 between its kinks, whose slopes 0 and ±1 are those of their sides."""
+    parts = taken(model(small("max(0, abs(u) - 0.2)", given="{u: {}}")))
+    assert parts.cuts[0].sites == pytest.approx([-0.2, 0.2])
+    slopes = ca.Function("f", [parts.model.u], [ca.gradient(parts.model.lagrange, parts.model.u)])
+    for v in ([0, 0, 0], [0, 0.2, 0], [0, 0.4, 0], [0.3, 0, 0]):
+        assert np.array(slopes(v)).ravel() == pytest.approx([1, 0, 1])
 
 
 def test_a_sum_is_taken_apart_into_terms() -> None:

@@ -170,6 +170,7 @@ class _Apart:
 
         ends = list(accumulate((cut.count for cut in cuts), initial=0))
         self._model, self._cuts = model, cuts
+        self._probe = Probe(pontryagin(model))
         self._parts = [v[slice(a, b)] for a, b in pairwise(ends)]
         self._all = ca.vertcat(model.u, v)
         x, u, p, t = symbols
@@ -196,30 +197,52 @@ class _Apart:
 
         u = self._model.u
         for term in terms(formula, u) if ca.depends_on(formula, u) else [formula]:
-            own = term
+            own, corners = term, sites(term, _symbols(self._model), u)
             for i in range(len(self._cuts)):
-                own = self._of(own, i)
+                given = corners.get(i, [])
+                bends = [b for b in given if not self._alike(term, i, given, b)]
+                own = self._of(own, i, given, bends)
             yield own
 
-    def _of(self, term: ca.SX, i: int) -> ca.SX:
+    def _alike(self, term: ca.SX, i: int, given: list[float], site: float) -> bool:
+        """Whether a term is the same on both sides of a corner."""
+        k, ends, symbols = given.index(site), [-np.inf, *given, np.inf], _symbols(self._model)
+        stretches = Stretch(i, ends[k], site), Stretch(i, site, ends[k + 2])
+        below, above = (branch(term, symbols, self._model.u, one) for one in stretches)
+        return self._probe.vanishes(above - below)
+
+    def _of(self, term: ca.SX, i: int, corners: list[float], bends: list[float]) -> ca.SX:
         """Return a term with one control taken apart."""
         import casadi as ca
 
         u, cut, v = self._model.u[i], self._cuts[i], self._parts[i]
         if not ca.depends_on(term, u):
             return term
-        branches = [
-            branch(term, self._symbols, self._all, Stretch(i, low, high))
-            for low, high in pairwise(cut.ends)
-        ]
-        cornered = i in sites(term, self._symbols, self._all)
-        if not cut.sites or (not cornered and not ca.depends_on(ca.jacobian(term, u), u)):
-            return ca.substitute(branches[0], u, self.wholes[i])
+        if not cut.sites:
+            own = branch(term, self._symbols, self._all, Stretch(i, cut.lower, cut.upper))
+            return ca.substitute(own, u, self.wholes[i])
+        if not corners and not ca.depends_on(ca.jacobian(term, u), u):
+            return ca.substitute(term, u, self.wholes[i])
+        branches = [self._smooth(term, i, *ends, corners, bends) for ends in pairwise(cut.ends)]
         total = ca.substitute(branches[0], u, cut.sites[0] - v[0])
         for j, site in enumerate(cut.sites, start=1):
             total += ca.substitute(branches[j], u, site + v[j])
             total -= ca.substitute(branches[j], u, ca.SX(site))
         return total
+
+    def _smooth(
+        self, term: ca.SX, i: int, low: float, high: float, corners: list[float], bends: list[float]
+    ) -> ca.SX:
+        """Return a term as it is on a stretch that may have corners inside, but no kinks."""
+        import casadi as ca
+
+        ends = [low, *(b for b in corners if Stretch(i, low, high).above(b) is None), high]
+        own = branch(term, self._symbols, self._all, Stretch(i, ends[-2], ends[-1]))
+        for a, b in reversed(list(pairwise(ends[:-1]))):
+            if b in bends:
+                below = branch(term, self._symbols, self._all, Stretch(i, a, b))
+                own = ca.if_else(self._model.u[i] < b, below, own)
+        return own
 
 
 def _hints(model: Model, cuts: tuple[Cut, ...]) -> Hints:
