@@ -331,15 +331,31 @@ def test_a_slope_that_is_zero_on_an_interval_is_refused(text: str, solve: Solve)
     assert solution.polishing.status in (PolishStatus.UNSUPPORTED, PolishStatus.DEGENERATE)
 
 
-def test_a_concave_kink_is_not_polished(solve: Solve) -> None:
-    """−|u| is least at both bounds: in parts both would be full at once."""
-    text = (
-        "title: t\ntime: {initial: 0, final: 2}\nstates: {x: {initial: 0, final: 0.5}}\n"
-        "controls: {u: {lower: -1, upper: 1}}\ndynamics: {x: u}\n"
-        'cost: {lagrange: "x^2 - abs(u)"}\n'
-    )
-    solution = solve(text, steps=40, mesh="uniform", polish=True)
+@pytest.mark.parametrize("cost", ["x^2 - 0.1*abs(u)", "u^2/2 - 0.1*abs(u)"])
+def test_a_concave_kink_is_not_polished(cost: str, solve: Solve) -> None:
+    """H falls on both sides of it: what the parts come to is on both sides at once."""
+    solution = solve(cart(3, cost), max_iterations=300, **UNIFORM)
     assert not solution.polished
+    assert solution.polishing is not None
+    assert "both sides of a kink at once" in solution.polishing.reason
+
+
+@pytest.mark.parametrize("force", ["if_else(u > 0, u, 3*u)", "if_else(u > 0, 3*u, u)"])
+def test_energy_with_two_gains(force: str, solve: Solve) -> None:
+    """u = −g λ/2 with g the gain of its side, λ linear: 3 τ = T − τ, or the other way round.
+
+    The steeper side lasts a quarter: ∫ g² λ = 0. ∫ (T − t) g² λ/2 = 1 says how steep λ is.
+    """
+    T = 3.0
+    first, second = (3.0, 1.0) if "3*u)" in force else (1.0, 3.0)
+    turn = T * second / (first + second)
+    unit = quad(lambda t: (T - t) * first**2 * (turn - t) / 2, 0, turn)[0]
+    unit += quad(lambda t: (T - t) * second**2 * (turn - t) / 2, turn, T)[0]
+    slope = 1 / unit  # λ = slope (turn − t), ∫ (T − t) f = −1
+    cost = quad(lambda t: (first * slope * (turn - t)) ** 2 / 4, 0, turn)[0]
+    cost += quad(lambda t: (second * slope * (turn - t)) ** 2 / 4, turn, T)[0]
+    solution = solve(cart(T, "u^2", force), **UNIFORM)
+    agrees(solution, [turn], float(cost))
 
 
 @pytest.mark.parametrize("factor", [0.99, 1.01])
