@@ -33,8 +33,10 @@ value problem of Pontryagin's conditions.
                      fault      an inequality that does not hold
                      faults     all of them: faults_of_controls, faults_of_rows,
                                 faults_of_curvature, limits
-                     focal      whether the extremal is isolated
+                     lengths    whether brief arcs are there
+        focal      whether the extremal is isolated
                      revise     the structure that a fault asks for
+        parting    junctions at which several things change, taken apart
                      search     solved, looked at, revised, until nothing is wrong
 
     the answer       exact      an extremal as polynomials

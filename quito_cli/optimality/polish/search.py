@@ -19,7 +19,9 @@ from quito_cli.optimality.polish.fault import Fault
 from quito_cli.optimality.polish.faults import faults
 from quito_cli.optimality.polish.focal import focal_point
 from quito_cli.optimality.polish.gauss import gauss
+from quito_cli.optimality.polish.lengths import undetermined
 from quito_cli.optimality.polish.newton import Solved, iterate
+from quito_cli.optimality.polish.parting import parted
 from quito_cli.optimality.polish.refine import refined
 from quito_cli.optimality.polish.revise import Revision, dropped, revised
 from quito_cli.optimality.polish.setting import UnsupportedError
@@ -184,14 +186,16 @@ def _attempted(going: _Search, structure: Structure, last: Attempt | None) -> At
 
 def _judged(going: _Search, found: Attempt) -> Ending | Following:
     """Hold what was found against every condition: an end, or what to try next."""
-    if found.solved.slow:
-        return Ending(PolishStatus.DEGENERATE, _slow(found.solved))
-    if not found.solved.converged:
+    scales = going.direct.scales(found.dense.system.layout)
+    if not (found.solved.slow or found.solved.converged):
         return _simpler(going, found)
-    wrong = faults(found.dense)
+    brief = undetermined(found.dense, scales)
+    if found.solved.slow and brief is None:
+        return Ending(PolishStatus.DEGENERATE, _slow(found.solved))
+    wrong = [brief] if brief else faults(found.dense)
     if wrong:
         return _following(going, found, wrong)
-    focal = focal_point(found.dense, going.direct.scales(found.dense.system.layout))
+    focal = focal_point(found.dense, scales)
     if focal:
         return Ending(PolishStatus.DEGENERATE, focal)
     return Ending(PolishStatus.POLISHED, "", found.dense, found.solved.residuals[-1])
@@ -206,10 +210,15 @@ def _slow(solved: Solved) -> str:
 
 
 def _simpler(going: _Search, found: Attempt) -> Ending | Following:
-    """Leave out the arc whose junction the equations know least of."""
+    """Take apart what changes at one junction, or leave out the arc that is known least."""
     structure, layout = found.dense.system.structure, found.dense.system.layout
     reason = f"the residual stays at {found.solved.residuals[-1]:.1e}"
     ended = Ending(PolishStatus.NOT_CONVERGED, reason)
+    apart = _parted(going, structure)
+    if apart is not None:
+        going.log.tell("insert", "no extremal was found: what changes at one time is taken apart")
+        going.assume(apart)
+        return Following(apart, reason, None)
     if len(structure.phases) < 2 or found.solved.last is None:
         return ended
     weakest = np.abs(found.solved.last.weakest[layout.place("times")])[1:-1]
@@ -224,6 +233,15 @@ def _simpler(going: _Search, found: Attempt) -> Ending | Following:
         "arc beside it is left out",
     )
     return Following(simpler, reason, None)
+
+
+def _parted(going: _Search, structure: Structure) -> Structure | None:
+    """Return a structure with one change at each junction, if it is another one."""
+    try:
+        apart = parted(going.direct.setting, structure).merged()
+    except UnsupportedError:
+        return None
+    return None if apart.phases in going.known else apart
 
 
 def _following(going: _Search, found: Attempt, wrong: list[Fault]) -> Ending | Following:
@@ -251,6 +269,13 @@ def _mended(going: _Search, structure: Structure, group: list[Fault]) -> list[Re
         phase = structure.phase_at((fault.start + fault.end) / 2)
         revision = revised(setting, structure, replace(fault, phase=phase))
         if revision is not None:
+            alone = _singular_arcs(revision.structure) > _singular_arcs(structure)
             structure = revision.structure
             found.append(revision)
+            if alone:  # it takes the place of what is wrong on either side
+                break
     return found
+
+
+def _singular_arcs(structure: Structure) -> int:
+    return sum(phase.kinds.count("singular") for phase in structure.phases)
