@@ -37,7 +37,9 @@ value problem of Pontryagin's conditions.
         focal      whether the extremal is isolated
                      revise     the structure that a fault asks for
         parting    junctions at which several things change, taken apart
-                     search     solved, looked at, revised, until nothing is wrong
+                     attempts   what a search is made of
+        mending    what to try after a structure that does not fit
+        search     solved, looked at, revised, until nothing is wrong
 
     the answer       exact      an extremal as polynomials
                      written    what was solved as one

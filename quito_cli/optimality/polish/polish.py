@@ -20,8 +20,9 @@ import numpy as np
 from quito_cli.optimality.hamiltonian import pontryagin
 from quito_cli.optimality.look import Look
 from quito_cli.optimality.polish.answer import answer
+from quito_cli.optimality.polish.attempts import Ending, Log
 from quito_cli.optimality.polish.direct import Direct
-from quito_cli.optimality.polish.search import Ending, Log, search
+from quito_cli.optimality.polish.search import search
 from quito_cli.optimality.polish.setting import Setting, UnsupportedError
 from quito_cli.optimality.polish.written import exact
 from quito_cli.optimality.probes import TooLargeError
