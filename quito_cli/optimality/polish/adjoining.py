@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.optimality.polish.dense import Dense
+from quito_cli.optimality.polish.flow import inputs
 from quito_cli.optimality.polish.structure import Held
 
 Array = NDArray[np.float64]
@@ -58,14 +59,28 @@ def adjoined(dense: Dense, k: int) -> dict[Held, Adjoined]:
     system, piece = dense.system, dense.known[k]
     law, slopes = system.laws[k], system.method.known.differentiation
     h = np.diff(dense.at.phases[k].fractions)[:, None] * dense.lengths[k]
-    found = {}
+    rates, found = _rates(dense, k), {}
     for j, held in enumerate(law.held):
-        parts = [piece.z[..., len(law.between) + j]]
-        for _ in range(system.setting.active(held).order or 0):
-            parts.append(-(parts[-1] @ slopes.T) / h)
+        place = len(law.between) + j
+        parts = [piece.z[..., place]]
+        for i in range(system.setting.active(held).order or 0):
+            parts.append(-(parts[-1] @ slopes.T) / h if i else -rates[..., place])
         zeta = np.stack(parts[-2::-1], axis=-1) if parts[1:] else np.zeros((*piece.t.shape, 0))
         found[held] = Adjoined(zeta, parts[-1])
     return found
+
+
+def _rates(dense: Dense, k: int) -> Array:
+    """Return z' of phase k at `Gauss.known`, (K, m, n_z), by the law: z_v v'.
+
+    On a brief arc the derivative of a polynomial would be rounding.
+    """
+    system, (t, y, z, _) = dense.system, dense.known[k].flat()
+    law, two = system.laws[k], 2 * system.layout.states
+    v = inputs(t, y, dense.at.shared, system.layout)
+    settled, rates = law.settled(v, z), law.values(v, z).rates[:, :two]
+    found = np.einsum("nzy,ny->nz", settled.by_v[..., :two], rates) + settled.by_v[..., two]
+    return np.asarray(found.reshape(dense.known[k].z.shape))
 
 
 def atoms(dense: Dense) -> Iterator[Atom]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.optimality.polish.dense import Dense, Piece
-from quito_cli.optimality.polish.fault import SLIGHT, Fault, runs
+from quito_cli.optimality.polish.fault import SLIGHT, Fault, finely, runs
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ def signs(dense: Dense, pieces: tuple[Piece, ...]) -> Iterator[Fault]:
                 continue
             wrong = (own[:, i] if kind == "upper" else -own[:, i]) / (size[i] or 1.0) - SLIGHT
             name = setting.name(i)
-            for run in runs(wrong, piece.t.ravel()):
+            for run in runs(*finely(wrong, piece.t.ravel())):
                 says = f"dH/d{name} has the wrong sign for {name} at its {kind} bound {run.when}"
                 at_upper = kind == "upper"
                 yield Fault(
@@ -50,7 +50,7 @@ def beyond(dense: Dense, pieces: tuple[Piece, ...]) -> Iterator[Fault]:
             for at_upper, over in ((False, lower[i] - u[:, i]), (True, u[:, i] - upper[i])):
                 wrong = np.nan_to_num(over / span - SLIGHT, neginf=-1.0)
                 side = "above its upper" if at_upper else "below its lower"
-                for run in runs(wrong, t):
+                for run in runs(*finely(wrong, t)):
                     says = f"{setting.name(i)} would be {side} bound {run.when}"
                     yield Fault(
                         "beyond", run.start, run.end, run.amount, says, k, control=i, upper=at_upper

@@ -59,6 +59,8 @@ class PhaseEnd:
     v: Array
     """(1, n_v)."""
     settled: Settled
+    given: bool
+    """Its time is the problem's: nothing moves with it."""
 
     @property
     def z(self) -> Array:
@@ -73,7 +75,8 @@ class PhaseEnd:
         found = none(len(value), layout)
         found.value[:] = value[:, 0]
         found.by_node[:, :two] = slopes[:, :two]
-        found.by_shared[:, self.time] = slopes[:, two]
+        if not self.given:  # else it may be without a derivative, as sqrt(t) where time begins
+            found.by_shared[:, self.time] = slopes[:, two]
         split = two + 1 + layout.parameters
         found.by_shared[:, layout.place("parameters")] = slopes[:, two + 1 : split]
         found.by_shared[:, layout.place("integral")] = slopes[:, split:]
@@ -119,4 +122,6 @@ def _end(system: System, law: Law, junction: int, y: Array, z: Array, g: Array) 
     layout = system.layout
     time = layout.time(junction)
     v = inputs(g[[time]], y[None], g, layout)
-    return PhaseEnd(layout, time, y, v, law.settled(v, z[None]))
+    ends = {0: system.ends.initial_time, layout.times - 1: system.ends.final_time}
+    given = bool(np.isfinite(ends.get(junction, np.nan)))
+    return PhaseEnd(layout, time, y, v, law.settled(v, z[None]), given)

@@ -21,7 +21,7 @@ from quito_cli.optimality.polish.gauss import gauss
 from quito_cli.optimality.polish.lengths import undetermined
 from quito_cli.optimality.polish.mending import following, simpler
 from quito_cli.optimality.polish.newton import Solved, iterate
-from quito_cli.optimality.polish.refine import refined
+from quito_cli.optimality.polish.refine import refined, rough
 from quito_cli.optimality.polish.setting import UnsupportedError
 from quito_cli.optimality.polish.shown import shown
 from quito_cli.optimality.polish.start import Near, started
@@ -169,12 +169,23 @@ def _judged(going: Going, found: Attempt) -> Ending | Following:
     if found.solved.slow and brief is None:
         return Ending(PolishStatus.DEGENERATE, _slow(found.solved))
     wrong = [brief] if brief else faults(found.dense)
-    if wrong:
-        return following(going, found, wrong)
+    time = rough(found.dense, scales)
+    judged = following(going, found, wrong) if wrong else None
+    if judged is not None and (time is None or isinstance(judged, Following)):
+        return judged
+    if time is not None:
+        return Ending(PolishStatus.REFUSED, _rough(time))
     focal = focal_point(found.dense, scales)
     if focal:
         return Ending(PolishStatus.DEGENERATE, focal)
     return Ending(PolishStatus.POLISHED, "", found.dense, found.solved.residuals[-1])
+
+
+def _rough(time: float) -> str:
+    return (
+        f"states, costates or controls are not smooth at t = {time:.4g}, however short the "
+        "segments there: a formula of the problem jumps, has a kink or is infinitely steep"
+    )
 
 
 def _slow(solved: Solved) -> str:
