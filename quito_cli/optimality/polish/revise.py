@@ -62,10 +62,18 @@ def dropped(structure: Structure, k: int) -> Structure:
     """
     if len(structure.phases) == 1:
         return structure
-    swapped = _swapped(structure, k)
-    if swapped is not None:
-        return swapped
+    return _swapped(structure, k) or _without(structure, k)
+
+
+def _without(structure: Structure, k: int) -> Structure:
+    """Return a structure of several phases without phase k."""
     last = len(structure.phases) - 1
+    ends = [at for at in (k, k + 1) if 0 < at <= last]
+    if all(structure.known(at) for at in ends):  # the junctions stay, the neighbour goes on
+        beside = structure.phases[k - 1 if k else 1]
+        return replace(
+            structure, phases=(*structure.phases[:k], beside, *structure.phases[k + 1 :])
+        )
     if k == 0:
         return structure.without(1, structure.phases[1:])
     if k == last:

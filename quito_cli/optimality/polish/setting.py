@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from quito_cli.optimality.breaks import breaks
 from quito_cli.optimality.constraints import Active, active
 from quito_cli.optimality.controls import Controls, controls
 from quito_cli.optimality.hamiltonian import Pontryagin, sampled
@@ -72,6 +73,11 @@ class Setting:
         if not self.system.rows:
             return np.zeros((len(t), 0))
         return sampled(self.row_function, (t, x, np.zeros_like(x), u, p, None, None))[0]
+
+    @cached_property
+    def breaks(self) -> Callable[[float, float], tuple[float, ...]]:
+        """Known times, between an initial and a final one, at which formulas jump."""
+        return cache(lambda start, end: breaks(self.system, self.probe, start, end))
 
     @cached_property
     def active(self) -> Callable[[Held], Active]:
