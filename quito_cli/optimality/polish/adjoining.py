@@ -20,6 +20,9 @@ from quito_cli.optimality.polish.structure import Held
 
 Array = NDArray[np.float64]
 
+ROUNDING = 1e-11
+"""Part of its size by which a multiplier may differ on both sides of a junction and be the same."""
+
 
 @dataclass(frozen=True, eq=False)
 class Adjoined:
@@ -84,9 +87,10 @@ def _rates(dense: Dense, k: int) -> Array:
 
 
 def atoms(dense: Dense) -> Iterator[Atom]:
-    """Give the atoms of state constraints: where arcs begin and end, and at touches.
+    """Give the atoms of state constraints: where arcs begin, go on and end, and at touches.
 
-    Where an arc begins π_i − ζ_i, where it ends ζ_i: i = 0 is the atom, the others vanish.
+    Where an arc begins π_i − ζ_i, where it ends ζ_i: i = 0 is the atom, the others vanish. Where
+    another control jumps on it, or a formula, ζ_i may: what it falls by.
     """
     structure = dense.system.structure
     parts = [adjoined(dense, k) for k in range(len(structure.phases))]
@@ -94,6 +98,8 @@ def atoms(dense: Dense) -> Iterator[Atom]:
         yield from _begun(dense, k, parts[k] if k < len(parts) else {})
         if k:
             yield from _ended(dense, k, parts[k - 1])
+        if 0 < k < len(parts):
+            yield from _gone_on(k, parts[k - 1], parts[k])
 
 
 def _begun(dense: Dense, k: int, after: dict[Held, Adjoined]) -> Iterator[Atom]:
@@ -104,6 +110,16 @@ def _begun(dense: Dense, k: int, after: dict[Held, Adjoined]) -> Iterator[Atom]:
             arc = jump.held in after and (k, jump.held) not in touches
             zeta = after[jump.held].zeta[0, 0] if arc else np.zeros(len(pi))
             yield _atom(k, jump.held, pi - zeta, float(np.abs(pi).max()))
+
+
+def _gone_on(k: int, before: dict[Held, Adjoined], after: dict[Held, Adjoined]) -> Iterator[Atom]:
+    for held in before.keys() & after.keys():
+        zeta, then = before[held].zeta, after[held].zeta
+        if zeta.shape[2]:
+            scale = float(max(np.abs(zeta).max(), np.abs(then).max()))
+            falls = zeta[-1, -1] - then[0, 0]
+            if np.abs(falls).max() > ROUNDING * scale:
+                yield _atom(k, held, falls, scale)
 
 
 def _ended(dense: Dense, k: int, before: dict[Held, Adjoined]) -> Iterator[Atom]:

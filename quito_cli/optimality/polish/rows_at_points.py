@@ -69,7 +69,10 @@ def constraints(point: Point) -> Iterator[tuple[int, Linear]]:
         leap = system.leaps[k]
         assert leap is not None, "a point constraint has multipliers"
         yield point.node(*_side(system, k)), _values(point, leap, which)
+    points = {k for k, _ in system.instants}
     for k, time in system.structure.breaks:
+        if k in points:  # its time is known already
+            continue
         found = none(1, system.layout)
         found.by_shared[0, system.layout.time(k)] = 1.0
         found.value[0] = point.at.shared[system.layout.time(k)] - time

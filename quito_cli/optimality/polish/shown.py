@@ -84,10 +84,8 @@ def _laid(
     points = [end if f == 1 else start + f * (end - start) for f in fractions]
     near = 2 * float(np.diff(direct.times).max())
     ends = {arc.end for arcs in (*controls, *rows) for arc in arcs if start < arc.end < end}
-    breaks = [
-        t for t in setting.breaks(start, end) if all(abs(t - point) > SAME for point in points)
-    ]
-    known = {*points, *breaks}
+    breaks = setting.breaks(start, end)
+    known = {*points, *(t for t in breaks if all(abs(t - at) > SAME for at in points))}
     inner = {t for t in ends if all(abs(t - point) > near for point in known - {start, end})}
     times = _apart({start, end, *known}, inner, least)
     phases = []
@@ -102,7 +100,7 @@ def _laid(
         kinds = tuple(_kind(arcs, middle) for arcs in controls)
         phases.append(setting.consistent(Phase(kinds, held)))
     named = tuple((times.index(t), k) for k, t in enumerate(points))
-    broken = tuple((times.index(t), t) for t in breaks)
+    broken = tuple((int(np.abs(np.array(times) - t).argmin()), t) for t in breaks)
     return Structure(tuple(phases), tuple(times), (), named, broken).merged()
 
 
