@@ -79,13 +79,16 @@ class Going:
     direct: Direct
     log: Log
     deadline: float
+    """By `time.thread_time`: what else the machine does takes nothing from the search."""
     known: set[tuple[Phase, ...]] = field(default_factory=set)
     """Structures that were tried."""
+    others: list[tuple[Structure, Attempt | None]] = field(default_factory=list)
+    """Structures to try where all else fails, with what to start them from."""
 
     @property
     def late(self) -> bool:
         """Whether it has taken as long as it may."""
-        return time.perf_counter() > self.deadline
+        return time.thread_time() > self.deadline
 
     def assume(self, structure: Structure) -> None:
         """Say what is tried."""

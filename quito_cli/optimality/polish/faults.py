@@ -2,6 +2,7 @@
 
     a phase has no length                                        its arcs are too many
     (H + ηᵀC)_u ≥ 0 at lower bounds, ≤ 0 at upper ones           an arc is missing
+    its derivative where it is zero at an end of the horizon     the same
     lower ≤ u ≤ upper where it is free or singular               an arc at a bound is missing
     rows that are not held are within their bounds               an arc of theirs is missing
     S'' ≤ 0 at the touch of an upper bound, ≥ 0 of a lower one   it is an arc
@@ -21,7 +22,7 @@ from typing import Final
 
 from quito_cli.optimality.polish.dense import Dense, Piece
 from quito_cli.optimality.polish.fault import OFFSETS, Fault
-from quito_cli.optimality.polish.faults_of_controls import beyond, signs
+from quito_cli.optimality.polish.faults_of_controls import beyond, signs, slopes_at_ends
 from quito_cli.optimality.polish.faults_of_curvature import chattering, clebsch, legendre
 from quito_cli.optimality.polish.faults_of_rows import atoms_of, bends, pulls, violated
 from quito_cli.optimality.polish.limits import limits
@@ -31,6 +32,7 @@ EMPTY = 1e-9
 """Part of the horizon that is no length."""
 FAMILIES: Final[tuple[Callable[[Dense, tuple[Piece, ...]], Iterator[Fault]], ...]] = (
     signs,
+    slopes_at_ends,
     beyond,
     violated,
     bends,

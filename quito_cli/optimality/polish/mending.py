@@ -9,7 +9,13 @@ import numpy as np
 from quito_cli.optimality.polish.attempts import Attempt, Ending, Following, Going
 from quito_cli.optimality.polish.fault import Fault
 from quito_cli.optimality.polish.parting import parted
-from quito_cli.optimality.polish.revise import Revision, dropped, revised
+from quito_cli.optimality.polish.revise import (
+    Revision,
+    bang_before,
+    dropped,
+    revised,
+    singular_instead,
+)
 from quito_cli.optimality.polish.setting import UnsupportedError
 from quito_cli.optimality.polish.structure import Structure
 from quito_cli.solution.polishing import PolishStatus
@@ -28,6 +34,8 @@ def simpler(going: Going, found: Attempt) -> Ending | Following:
         going.log.tell("insert", "no extremal was found: what changes at one time is taken apart")
         going.assume(apart)
         return Following(apart, reason, None)
+    for other in bang_before(going.direct.setting, structure):
+        _else(going, other, None)
     if len(structure.phases) < 2 or found.solved.last is None:
         return ended
     weakest = np.abs(found.solved.last.weakest[layout.place("times")])[1:-1]
@@ -44,6 +52,12 @@ def simpler(going: Going, found: Attempt) -> Ending | Following:
     return Following(left, reason, None)
 
 
+def _else(going: Going, structure: Structure | None, start: Attempt | None) -> None:
+    """Note a structure to try where all else fails."""
+    if structure is not None and structure.phases not in going.known:
+        going.others.append((structure, start))
+
+
 def _parted(going: Going, structure: Structure) -> Structure | None:
     """Return a structure with one change at each junction, if it is another one."""
     try:
@@ -55,6 +69,7 @@ def _parted(going: Going, structure: Structure) -> Structure | None:
 
 def following(going: Going, found: Attempt, wrong: list[Fault]) -> Ending | Following:
     """Mend the worst fault that can be, with others of its kind that are as bad."""
+    setting = going.direct.setting
     for worst in wrong:
         same = [f for f in wrong if f.what == worst.what and f.amount >= AS_BAD * worst.amount]
         for group in (same, [worst]):
@@ -62,6 +77,7 @@ def following(going: Going, found: Attempt, wrong: list[Fault]) -> Ending | Foll
             if revisions and revisions[-1].structure.phases not in going.known:
                 for revision in revisions:
                     going.log.tell(revision.action, revision.sentence)
+                _else(going, singular_instead(setting, found.structure, worst), found)
                 structure = revisions[-1].structure
                 going.assume(structure)
                 return Following(structure, wrong[0].sentence, found)

@@ -72,7 +72,7 @@ def sought(model: Model, direct: Solution, log: Log) -> Ending:
             setting = Setting(pontryagin(model))
             with np.errstate(all="ignore"):
                 near = Direct(setting, direct, Look.at(setting.system, direct))
-                ended = search(near, log, time.perf_counter() + _patience(direct))
+                ended = search(near, log, time.thread_time() + _patience(direct))
         except TooLargeError:
             reason = "its formulas are too long to be worked on"
             ended = Ending(PolishStatus.NOT_DERIVED, reason)

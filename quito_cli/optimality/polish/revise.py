@@ -21,6 +21,8 @@ from quito_cli.solution.polishing import Action
 
 ADJACENT = 1e-6
 """Part of the horizon by which a fault may begin after a junction, and still begin at it."""
+BRIEF = 0.01
+"""Part of the horizon that an arc before a singular one is to start with."""
 CROSSED = -1e-9
 """Part of the horizon that the length of an arc is below, where its junctions are in the wrong
 order; nearer to nothing they are one."""
@@ -138,6 +140,38 @@ def _sign(setting: Setting, structure: Structure, fault: Fault) -> Revision | No
         if not _may_be_singular(setting, structure.phases[fault.phase], i):
             return None
     return _inserted(structure, fault, i, kind, f"{setting.name(i)} {kind}")
+
+
+def singular_instead(setting: Setting, structure: Structure, fault: Fault) -> Structure | None:
+    """Return a structure with a singular arc where a sign is wrong; None where there can be none.
+
+    Arcs at bounds in turn, each shorter than the last, would come near to a singular one.
+    """
+    i = fault.control
+    if fault.what != "sign" or i in setting.controls.of_kind("regular"):
+        return None
+    if not _may_be_singular(setting, structure.phases[fault.phase], i):
+        return None
+    return _inserted(structure, fault, i, "singular", "").structure.merged()
+
+
+def bang_before(setting: Setting, structure: Structure) -> list[Structure]:
+    """Return structures with a control at a bound before the arc on which it is singular at first.
+
+    What is singular from the first can be so only from some states.
+    """
+    start, horizon = structure.times[0], structure.times[-1] - structure.times[0]
+    first, bounds, found = structure.phases[0], setting.system.model.control_bounds, []
+    if structure.times[1] - start <= BRIEF * horizon:
+        return []
+    for i in (i for i, kind in enumerate(first.kinds) if kind == "singular"):
+        sides: dict[Kind, float] = {"lower": bounds.lower[i], "upper": bounds.upper[i]}
+        for kind in (kind for kind, bound in sides.items() if np.isfinite(bound)):
+            kinds = (*first.kinds[:i], kind, *first.kinds[i + 1 :])
+            wider, _ = structure.cut(start + BRIEF * horizon)
+            phases = (replace(first, kinds=kinds), *wider.phases[1:])
+            found.append(replace(wider, phases=phases))
+    return found
 
 
 def _beside(structure: Structure, fault: Fault, i: int) -> list[Kind]:

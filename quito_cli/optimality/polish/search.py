@@ -7,6 +7,7 @@ every one the revision of the one before it by what spoke against that (`faults`
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -39,6 +40,8 @@ long."""
 READINGS = ((None, False), (None, True), (0.05, True), (0.2, True))
 """How a direct answer is read: by its arcs, then by nearness to bounds; with junctions that are
 close to each other apart, then as one. See `shown`."""
+OTHERS = 8
+"""Structures that are tried where all readings fail, at most."""
 HALVINGS = 6
 """Times that segments are halved, at most."""
 
@@ -68,7 +71,7 @@ def search(direct: Direct, log: Log, deadline: float) -> Ending:
     Args:
         direct: the answer.
         log: is told every step.
-        deadline: when to stop, by `time.perf_counter`.
+        deadline: when to stop, by `time.thread_time`.
     """
     going = Going(direct, log, deadline)
     lines: list[_Line] = []
@@ -85,6 +88,13 @@ def search(direct: Direct, log: Log, deadline: float) -> Ending:
         log.tell("refuse", f"{lines[-1].reason}: an earlier reading is gone on with")
         if _followed(going, line, REVISIONS):
             return line.end
+    for structure, start in islice(going.others, OTHERS):  # there may be more while they are tried
+        if structure.phases not in going.known and not going.late:
+            log.tell("refuse", f"{lines[0].reason}: another mend of an earlier structure is tried")
+            going.assume(structure)
+            line = _Line(structure, start=start)
+            if _followed(going, line, SOON):
+                return line.end
     return lines[0].end
 
 
@@ -124,7 +134,10 @@ def _followed(going: Going, line: _Line, tries: int) -> bool:
                 _further(going, line)
     except UnsupportedError as error:
         line.ended = Ending(PolishStatus.UNSUPPORTED, str(error))
-    return line.ended is not None and line.ended.settles
+    if line.ended is None or not line.ended.settles:
+        return False
+    # What a mend made degenerate need not be so: where there is another, that is tried first.
+    return line.ended.status is PolishStatus.POLISHED or not going.others
 
 
 def _further(going: Going, line: _Line) -> None:
