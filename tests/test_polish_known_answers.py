@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 from test_polish_gallery import COARSE, Case, account, assert_extremal, polished
@@ -18,20 +19,28 @@ from test_polish_gallery import COARSE, Case, account, assert_extremal, polished
 import quito_cli as quito
 from quito_cli.optimality.breaks import breaks
 from quito_cli.optimality.hamiltonian import pontryagin
+from quito_cli.optimality.polish.answer import answer
+from quito_cli.optimality.polish.attempts import Log
+from quito_cli.optimality.polish.polish import sought
+from quito_cli.optimality.polish.written import exact
 from quito_cli.optimality.probes import Probe
 from quito_cli.problem.build import build
 from quito_cli.problem.load import load_text
+from quito_cli.solution.polishing import Polishing, PolishStatus
 from quito_cli.solution.tally import failing
+from quito_cli.solve import Options
+
+Array = NDArray[np.float64]
 
 
 def riccati(p: float) -> float:
     """Cost of x' = u − p x from 1 over 2 units of time with ∫ x² + u²: P(0) of Riccati's."""
 
-    def rate(_: float, v: np.ndarray) -> np.ndarray:
+    def rate(_: float, v: Array) -> Array:
         return np.asarray(2 * p * v + v**2 - 1)
 
-    exact = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-15}
-    return float(solve_ivp(rate, (2, 0), [0.0], **exact).y[0, -1])
+    found = solve_ivp(rate, (2, 0), [0.0], method="DOP853", rtol=1e-13, atol=1e-15)
+    return float(found.y[0, -1])
 
 
 ROOT = math.sqrt(2)
@@ -50,17 +59,18 @@ SWEPT = -sum(
 SWITCHES = sorted(
     [*(10 - k * math.pi for k in (1, 2, 3)), *(10 - k * math.pi / ROOT for k in range(1, 5))]
 )
-LONGEST = brentq(lambda s: -1 / (2 * s * s) + s * s / 4 + 0.3, 0.1, 5, xtol=1e-15)
+LONGEST = float(brentq(lambda s: -1 / (2 * s * s) + s * s / 4 + 0.3, 0.1, 5, xtol=1e-15))
 """u = 1/T about t = 0: 1/(2T) + T³/12 + 0.3 T is least."""
 
 
 def energy(k: float) -> float:
     """∫ u² of u = k (1 − 2t) cut at ±1.2."""
     cut = (1 - 1.2 / k) / 2
-    return 2 * (1.44 * cut + quad(lambda t: (k * (1 - 2 * t)) ** 2, cut, 0.5)[0])
+    rest = quad(lambda t: (k * (1 - 2 * t)) ** 2, cut, 0.5)[0]
+    return float(2 * (1.44 * cut + rest))
 
 
-SLOPE = brentq(lambda k: energy(k) - 1, 1.2, 10, xtol=1e-15)
+SLOPE = float(brentq(lambda k: energy(k) - 1, 1.2, 10, xtol=1e-15))
 CUT = (1 - 1.2 / SLOPE) / 2
 AREA = 2 * (
     quad(lambda t: 1.2 * (0.5 - t), 0, CUT)[0]
@@ -69,9 +79,7 @@ AREA = 2 * (
 GROWN = math.log(0.6 / 0.4 / (0.3 / 0.7))
 LET_GO = 6 - (1 / 0.36 - 1 / 0.6)
 """Logistic growth to (1 + 0.2)/2; H = 0.4² there, so that the last stock is 0.36."""
-CATCH = (
-    0.16 * (LET_GO - GROWN) + quad(lambda s: 0.6 / (1 + 0.6 * s) - 0.2, 0, 6 - LET_GO)[0]
-)
+CATCH = 0.16 * (LET_GO - GROWN) + quad(lambda s: 0.6 / (1 + 0.6 * s) - 0.2, 0, 6 - LET_GO)[0]
 FLAT = 1 / 6 - 1e-5
 CLIPPED = math.asin(1 - 1e-6)
 
@@ -101,7 +109,10 @@ cost: {lagrange: (x - 2 + t)^2}
     "order three": Case(
         """
 time: {initial: 0, final: 1}
-states: {x: {initial: 0, final: 0, upper: 0.2}, v: {initial: 1, final: -1}, a: {initial: 0, final: 0}}
+states:
+  x: {initial: 0, final: 0, upper: 0.2}
+  v: {initial: 1, final: -1}
+  a: {initial: 0, final: 0}
 controls: {u: {}}
 dynamics: {x: v, v: a, a: u}
 cost: {lagrange: u^2/2}
@@ -248,6 +259,16 @@ constraints: {path: {cap: "u <= if_else(t < 0.7, 0.3, 2)"}}
         0.063 + 0.79**2 / 1.3,
         (0.7,),
     ),
+    "a blow that is over within 2e-5": Case(
+        """
+time: {initial: 0, final: 2}
+states: {x: {initial: 0}}
+controls: {u: {}}
+dynamics: {x: "u + if_else(abs(t - 1.0003) < 1e-5, 1e4, 0)"}
+cost: {lagrange: u^2, mayer: (x - 1)^2}
+""",
+        0.64 / 3,
+    ),
     "a reference of straight lines": Case(
         """
 time: {initial: 0, final: 2}
@@ -303,12 +324,64 @@ def test_what_is_infinitely_steep_is_refused_in_words() -> None:
     assert "not smooth" in account(solution)
 
 
+BAND = """
+time: {initial: 0, final: 1}
+states: {x: {initial: 0, final: 1}}
+controls: {u: {}}
+dynamics: {x: u}
+cost: {lagrange: "u^2 + if_else(abs(x - 0.5003) < 0.0001, 1000, 0)"}
+"""
+
+
+def test_a_band_of_states_that_no_point_is_in_is_seen() -> None:
+    """Passed in 2e-4 of the time, it would cost 0.2 more; between two points it was not looked at."""
+    solution = polished(BAND)
+    assert not solution.polished
+    assert "a formula of the problem jumps at t = 0.5002" in account(solution)
+
+
+def found_out(what: str, instead: str) -> list[str]:
+    """Conditions that fail of the extremal of another problem, as an answer to one of `KNOWN`."""
+    text = KNOWN[what].text
+    old, new = instead.split(" -> ")
+    assert old in text
+    problem = load_text("title: A problem of the gallery\n" + text, "gallery.yaml")
+    other = load_text("title: Another\n" + text.replace(old, new), "other.yaml")
+    direct = quito.solve(other, **COARSE)
+    ended = sought(build(other), direct, Log())
+    assert ended.extremal is not None
+    options = Options.resolve(problem.options, COARSE)
+    made = exact(ended.extremal, ended.residual)
+    account = Polishing(PolishStatus.POLISHED, "", (), 1e-15, 0.1, 1.0, 3, 3)
+    solution = answer(problem, build(problem), options, made, direct, account, 0.1)
+    return failing(solution.certificate) if solution.success else [solution.status.value]
+
+
+@pytest.mark.parametrize(
+    ("what", "instead"),
+    [
+        ("a price that jumps", "0.37 -> 0.37001"),
+        ("a gear at a known time", "0.37 -> 0.37001"),
+        ("a bound that jumps", "0.3, 2 -> 0.29999, 2"),
+        ("area", "<= 1} -> <= 1.00001}"),
+        ("area", "upper: 1.2} -> upper: 1.19999}"),
+        ("a parameter of the Mayer cost alone", "upper: 0.5, -> upper: 0.49999,"),
+        ("fishery", "upper: 1} -> upper: 1.00001}"),
+        ("order three", "upper: 0.2 -> upper: 0.200001"),
+    ],
+)
+def test_the_extremal_of_another_problem_is_found_out(what: str, instead: str) -> None:
+    """It is one in every respect, but for a number in the fifth digit."""
+    assert found_out(what, instead)
+
+
 @pytest.mark.parametrize(
     ("formula", "times"),
     [
         ("if_else(t < 0.37, 1, 2)*x", [0.37]),
         ("abs(t - 1) + max(t - 0.5, 0)", [0.5, 1]),
         ("sign(sin(5*t))", [math.pi / 5]),
+        ("if_else(abs(t - 0.7003) < 1e-5, 9, 0)", [0.70029, 0.70031]),
         ("abs(t - 1)^3", []),  # smooth enough
         ("if_else(x < 0.37, 1, 2)*t", []),  # not of time alone
         ("abs(t - 3)", []),  # after the end
@@ -324,4 +397,4 @@ dynamics: {{x: u}}
 cost: {{lagrange: "u^2 + {formula}"}}
 """
     system = pontryagin(build(load_text(text, "breaks.yaml")))
-    assert breaks(system, Probe(system), 0.0, 1.2) == pytest.approx(times, abs=1e-15)
+    assert breaks(system, Probe(system), 0.0, 1.2) == pytest.approx(times, abs=1e-14)

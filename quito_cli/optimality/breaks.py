@@ -25,8 +25,6 @@ Array = NDArray[np.float64]
 
 GRID = 2001
 """Times between which an argument changes its sign once at most."""
-MOST = 40
-"""Breaks at most; of more none is known."""
 BESIDE = 1e-9
 """Part of the horizon on either side of a corner at which formulas are compared."""
 JUMPS = 1e-6
@@ -58,8 +56,7 @@ def breaks(system: Pontryagin, probe: Probe, start: float, end: float) -> tuple[
     edge = BESIDE * (end - start)
     found = {t for t in _zeros(function, start, end) if start + edge < t < end - edge}
     slopes = system.function("slopes", [formulas, ca.densify(ca.jacobian(formulas, m.t))])
-    kept = [t for t in sorted(found) if _jumps(slopes, probe, t, end - start)]
-    return tuple(kept) if len(kept) <= MOST else ()
+    return tuple(t for t in sorted(found) if _jumps(slopes, probe, t, end - start))
 
 
 def _zeros(function: ca.Function, start: float, end: float) -> Iterator[float]:
@@ -77,10 +74,16 @@ def _zeros(function: ca.Function, start: float, end: float) -> Iterator[float]:
         return
     of_time = ca.Function("corners", [t], [ca.vertcat(*arguments)])
     grid = np.linspace(start, end, GRID)
-    values = np.sign(np.array(of_time.map(GRID)(grid)))
+    # In abs(t − 1) < 1e-5 the corner of abs is where the comparison has another sign.
+    grid = np.unique([*grid, *_changes(of_time, grid)])
+    yield from _changes(of_time, grid)
+
+
+def _changes(of_time: ca.Function, grid: Array) -> Iterator[float]:
+    """Give the first times after which an argument has another sign than at the time before."""
+    values = np.sign(np.array(of_time.map(len(grid))(grid)))
     for row, signs in enumerate(values):
-        known = np.flatnonzero(signs)
-        for a, b in pairwise(known):
+        for a, b in pairwise(np.flatnonzero(signs)):
             if signs[a] != signs[b]:
                 yield _bisected(of_time, row, float(grid[a]), float(grid[b]))
 

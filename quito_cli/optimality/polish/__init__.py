@@ -32,7 +32,7 @@ value problem of Pontryagin's conditions.
                      adjoining  its multipliers of direct adjoining
                      fault      an inequality that does not hold
                      faults     all of them: faults_of_controls, faults_of_rows,
-                                faults_of_curvature, limits
+                                faults_of_curvature, faults_of_formulas, limits
                      lengths    whether brief arcs are there
         focal      whether the extremal is isolated
                      revise     the structure that a fault asks for

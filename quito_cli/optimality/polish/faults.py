@@ -9,6 +9,7 @@
     η ≥ 0 of rows held at upper bounds, ≤ 0 at lower ones; of a state constraint of order q
     (−1)^q dη^q/dt^q likewise, and the atoms where it begins     it does not hold there
     H_uu positive semidefinite among free controls, (−1)^q A among singular ones (Legendre, Clebsch)
+    no formula jumps inside an arc                               what is solved is another problem
     multipliers of what holds at the ends have their signs, and what does not hold is within bounds
 
 Each is looked at between the points of the segments too.
@@ -24,6 +25,7 @@ from quito_cli.optimality.polish.dense import Dense, Piece
 from quito_cli.optimality.polish.fault import OFFSETS, Fault
 from quito_cli.optimality.polish.faults_of_controls import beyond, signs, slopes_at_ends
 from quito_cli.optimality.polish.faults_of_curvature import chattering, clebsch, legendre
+from quito_cli.optimality.polish.faults_of_formulas import jumping
 from quito_cli.optimality.polish.faults_of_rows import atoms_of, bends, pulls, violated
 from quito_cli.optimality.polish.limits import limits
 from quito_cli.optimality.polish.minimum import lesser
@@ -43,6 +45,7 @@ FAMILIES: Final[tuple[Callable[[Dense, tuple[Piece, ...]], Iterator[Fault]], ...
     clebsch,
     limits,
     lesser,
+    jumping,
 )
 """What is looked at, given an extremal and its phases at `OFFSETS`."""
 
