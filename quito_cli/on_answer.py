@@ -75,4 +75,13 @@ def _interrupted(direct: Solution, seconds: float) -> Polishing:
     from quito_cli.solution.polishing import Polishing, PolishStatus
 
     nan = float("nan")
-    return Polishing(PolishStatus.INTERRUPTED, "", (), nan, seconds, direct.cost, 0, 0)
+    return Polishing(
+        status=PolishStatus.INTERRUPTED,
+        reason="",
+        steps=(),
+        residual=nan,
+        seconds=seconds,
+        cost_before=direct.cost,
+        segments=0,
+        newton_steps=0,
+    )

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from quito_cli.errors import UsageError
 
 if TYPE_CHECKING:
+    from quito_cli.on_mesh import Task
     from quito_cli.problem.model import Model
     from quito_cli.problem.options import CommonOptions
     from quito_cli.problem.schema import Problem
@@ -171,17 +172,12 @@ def solve(
         ProblemError: mistakes in the problem file, all of them told.
     """
     import casadi  # noqa: F401 - before the clock starts
-    import numpy as np
 
-    from quito_cli.on_answer import certified, polished
-    from quito_cli.on_mesh import Task, method_on
-    from quito_cli.on_meshes import solver_of
+    from quito_cli.on_answer import polished
+    from quito_cli.on_mesh import Task
     from quito_cli.problem.build import build
     from quito_cli.problem.load import changed, load
-    from quito_cli.refinement.refine import Limits, refine
     from quito_cli.solution.follow import guided
-    from quito_cli.solvers.interruption import interruptible
-    from quito_cli.transcription.mesh import Mesh
 
     if isinstance(problem, str | Path):
         problem = load(problem)
@@ -195,23 +191,43 @@ def solve(
         model = guided(model, earlier)
     _refuse_too_large(model, chosen, bool({"steps", "degree"} & given))
     _refuse_warm_start(chosen, earlier, problem)
-    points = np.array([point.at for point in model.constraints.point], dtype=float)
-    mesh = Mesh.through(chosen.steps, points)
     task = Task(problem, model, chosen, chosen.tolerance, chosen.max_iterations, True, listener)
-    built, warm = time.perf_counter() - started, earlier if chosen.warm_start else None
-    if chosen.mesh == "uniform":
-        direct = certified(model, task.on(mesh, warm, built))
-        return polished(problem, model, chosen, direct, listener, stop=False)
-    order = method_on(chosen, mesh).order
+    warm = earlier if chosen.warm_start else None
+    direct, stop = _direct(task, warm, time.perf_counter() - started)
+    return polished(problem, model, chosen, direct, listener, stop)
+
+
+def _direct(task: Task, warm: Solution | None, build_seconds: float) -> tuple[Solution, bool]:
+    """Return the certified answer, and whether the user has asked to stop once it was found.
+
+    It is that on the mesh asked for, or the best on those that refinement finds; the first solve
+    starts from the multipliers of `warm`.
+    """
+    import numpy as np
+
+    from quito_cli.on_answer import certified
+    from quito_cli.transcription.mesh import Mesh
+
+    model, options = task.model, task.options
+    points = np.array([point.at for point in model.constraints.point], dtype=float)
+    mesh = Mesh.through(options.steps, points)
+    if options.mesh == "uniform":
+        return certified(model, task.on(mesh, warm, build_seconds)), False
+
+    from quito_cli.on_mesh import method_on
+    from quito_cli.on_meshes import solver_of
+    from quito_cli.refinement.refine import Limits, refine
+    from quito_cli.solvers.interruption import interruptible
+
+    order = method_on(options, mesh).order
     limits = Limits(
-        chosen.mesh_tolerance, chosen.mesh_iterations, chosen.most_cells, np.unique(points)
+        options.mesh_tolerance, options.mesh_iterations, options.most_cells, np.unique(points)
     )
     with interruptible() as interruption:
-        solve_on = solver_of(task, warm, built, interruption)
-        refined = refine(model, solve_on, mesh, chosen.substeps, order, limits)
+        solve_on = solver_of(task, warm, build_seconds, interruption)
+        refined = refine(model, solve_on, mesh, options.substeps, order, limits)
         direct = certified(model, refined)
-    stop = direct.success and interruption.requested
-    return polished(problem, model, chosen, direct, listener, stop)
+    return direct, direct.success and interruption.requested
 
 
 def _refuse_warm_start(options: Options, earlier: Solution | None, problem: Problem) -> None:

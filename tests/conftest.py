@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import json
+import signal
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from documents import run
 from numpy.typing import NDArray
 
 import quito_cli as quito
@@ -20,6 +22,7 @@ from quito_cli.problem.model import Model
 
 Array = NDArray[np.float64]
 Solve = Callable[..., quito.Solution]
+Quito = Callable[..., tuple[int, str, str]]
 Reference = Callable[[str], tuple[dict[str, Any], dict[str, Array]]]
 
 REFERENCE = Path(__file__).parent / "reference"
@@ -33,6 +36,11 @@ dynamics: {x: u}
 cost: {lagrange: 0.5*(x^2 + u^2)}
 """
 """V(t, x) = tanh(1 − t) x²/2, so x = cosh(1−t)/cosh 1, u = −sinh(1−t)/cosh 1, λ = −u."""
+
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # begun in the background of a script, where Ctrl-C is not heard: the tests press it themselves
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(autouse=True)
@@ -59,6 +67,23 @@ def solve() -> Solve:
         return quito.solve(given, **dict(options))
 
     return lambda problem, **options: solved(problem, tuple(sorted(options.items())))
+
+
+@pytest.fixture
+def quito_(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> Quito:
+    """Run a command in an empty folder; return its exit code and what it printed."""
+    monkeypatch.chdir(tmp_path)
+
+    def ran(*arguments: str) -> tuple[int, str, str]:
+        capfd.readouterr()
+        code = run(list(arguments), monkeypatch)
+        printed = capfd.readouterr()
+        assert "Traceback" not in printed.err
+        return code, printed.out, printed.err
+
+    return ran
 
 
 @pytest.fixture(scope="session")

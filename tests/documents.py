@@ -1,4 +1,4 @@
-"""What tests of pages and of commands share: blocks of pages, and the commands in this process."""
+"""What tests of pages and commands share: blocks of pages, commands in this process, a problem."""
 
 from __future__ import annotations
 
@@ -27,6 +27,17 @@ COMMANDS = (
     "gui",
     "schema",
 )
+
+
+PUSH = """\
+title: Push to one
+time: {initial: 0, final: 1}
+states: {x: {initial: 0, final: 1}}
+controls: {u: {lower: -3, upper: 3}}
+dynamics: {x: u}
+cost: {lagrange: u^2}
+"""
+"""u = 1 and J = 1."""
 
 
 @dataclass(frozen=True)

@@ -105,37 +105,6 @@ SINGULAR = Case(
     (0.0,),
 )
 SINGULAR_HELD = Case(
-    HEAD % ("", "w", "(x^2 + v^2)/2 + x*u", -9, ", w: {lower: -9, upper: 9}", "v")
-    + "  path: {sum: x*u + w + v == p}\n",
-    phase("singular", "free", held=[(0, False)]),
-    lambda x, v, a, b, t, p, n: _shared(x, v, a, b, p, n),
-    lambda x, v, a, b, t, p, n, u, w, e: w,
-    lambda x, v, a, b, t, p, n, u, w, e: (
-        (x**2 + v**2) / 2 + x * u + n * v + e * (x * u + w + v - p)
-    ),
-    lambda x, v, a, b, t, p, n, u, w, e: v,
-    (0.0, 0.0, 0.0),
-)
-TWO = Case(
-    HEAD % (", upper: 0.4", "u - p*sin(x)*v", "u^2/2 + x*u", -9, "", "x^2"),
-    phase("free", held=[(0, True)]),
-    lambda x, v, a, b, t, p, n: [p * np.sin(x) * v, -(p * np.sin(x) * v + x + b)],
-    lambda x, v, a, b, t, p, n, u, e: u - p * np.sin(x) * v,
-    lambda x, v, a, b, t, p, n, u, e: u**2 / 2 + x * u + n * x**2 + e * (u - p * np.sin(x) * v),
-    lambda x, v, a, b, t, p, n, u, e: x**2,
-    (0.1, 0.0),
-)
-SINGULAR = Case(
-    # σ = λ₂, σ' = −v − λ₁, σ'' = −(u + p) + x + t + ν, for λ₁' = −x − t − ν.
-    HEAD % ("", "u + p", "(x^2 + v^2)/2 + t*x", -9, "", "x"),
-    phase("singular"),
-    lambda x, v, a, b, t, p, n: [x + t + n - p],
-    lambda x, v, a, b, t, p, n, u: u + p,
-    lambda x, v, a, b, t, p, n, u: (x**2 + v**2) / 2 + t * x + n * x,
-    lambda x, v, a, b, t, p, n, u: x,
-    (0.0,),
-)
-SINGULAR_HELD = Case(
     # w follows from the row, w = p − v − u; η from H_w = 0; u as above, with v' = w and σ of both:
     # L + ηᵀC has (u + w + v − p) η, η = −(w + λ₂), and H is affine in u where L has only x of it.
     HEAD % ("", "w", "(x^2 + v^2)/2 + x*u", -9, ", w: {lower: -9, upper: 9}", "v")

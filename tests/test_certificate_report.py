@@ -17,7 +17,6 @@ import h5py
 import numpy as np
 import pytest
 import xarray
-from documents import run
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 
@@ -95,23 +94,6 @@ def good(plain: quito.Solution) -> quito.Solution:
 @pytest.fixture(scope="module")
 def bad(plain: quito.Solution) -> quito.Solution:
     return judged(plain, rows=(ROWS[0], FAILED, *ROWS[2:]))
-
-
-@pytest.fixture
-def quito_(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> Quito:
-    """Run a command in an empty folder; return its exit code and what it printed."""
-    monkeypatch.chdir(tmp_path)
-
-    def ran(*arguments: str) -> tuple[int, str, str]:
-        capfd.readouterr()
-        code = run(list(arguments), monkeypatch)
-        printed = capfd.readouterr()
-        assert "Traceback" not in printed.err
-        return code, printed.out, printed.err
-
-    return ran
 
 
 def row(printed: str, label: str) -> list[str]:

@@ -22,9 +22,10 @@ from typing import Any
 
 import h5py
 import pytest
-from documents import COMMANDS, Ran
+from documents import COMMANDS, PUSH, Ran
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from processor import within
 
 import quito_cli as quito
 from quito_cli.cli.app import main
@@ -41,15 +42,6 @@ MAGIC = {"png": b"\x89PNG\r\n\x1a\n", "pdf": b"%PDF-", "svg": b"<?xml"}
 HEAVY = ("casadi", "h5py", "matplotlib", "numpy", "pydantic", "yaml")
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
 
-PUSH = """\
-title: Push to one
-time: {initial: 0, final: 1}
-states: {x: {initial: 0, final: 1}}
-controls: {u: {lower: -3, upper: 3}}
-dynamics: {x: u}
-cost: {lagrange: u^2}
-"""
-"""u = 1 and J = 1."""
 TOO_FAR = PUSH.replace("final: 1}}", "final: 5}}")
 """With |u| <= 3, x ends at 3 at most: 2 are missing."""
 
@@ -798,9 +790,8 @@ def test_no_such_problem(quito_: Quito, tmp_path: Path, given: str, said: str) -
 @pytest.mark.parametrize("output", ["taken", "taken/below"])
 def test_an_output_folder_that_cannot_be(quito_: Quito, tmp_path: Path, output: str) -> None:
     (tmp_path / "taken").write_text("a file")
-    begun = time.perf_counter()
-    ran = quito_("solve", "van_der_pol", "-N", "20000", "-o", output)
-    assert time.perf_counter() - begun < 5, "it is said before the solve, not after"
+    with within(10):  # it is said before the solve, not after
+        ran = quito_("solve", "van_der_pol", "-N", "20000", "-o", output)
     assert (ran.code, ran.out) == (2, "")
     assert ran.err.startswith(f"quito: the output folder {output} cannot be ")
     assert (tmp_path / "taken").read_text() == "a file"
@@ -1294,9 +1285,8 @@ def test_any_file_is_checked_and_solved_or_refused(text: str) -> None:
         file, out = root / "here" / "mutated.yaml", root / "out"
         file.write_bytes(given_bytes := text.encode("utf-8", "surrogatepass"))
         for arguments in (("check", file.name), ("solve", file.name, *solve)):
-            begun = time.process_time()
-            ran, done = _run_in(root / "here", *arguments)
-            assert time.process_time() - begun < 10
+            with within(60):
+                ran, done = _run_in(root / "here", *arguments)
             assert ran.code in {0, 1, 2}
             assert "Traceback" not in ran.out + ran.err
             assert "bug in quito" not in ran.err

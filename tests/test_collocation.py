@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import Legendre, Polynomial
 from numpy.typing import NDArray
+from processor import within
 
 import quito_cli as quito
 from quito_cli.check import check
@@ -286,9 +286,8 @@ cost: {lagrange: u^2}
 
 def test_one_interval_of_many_points_is_built_at_once(model: Build) -> None:
     given = model("van_der_pol")
-    started = time.perf_counter()
-    nlp = transcribe(given, Collocation(Mesh.uniform(1), 400), None, None)
-    assert time.perf_counter() - started < 2
+    with within(20):
+        nlp = transcribe(given, Collocation(Mesh.uniform(1), 400), None, None)
     assert len(nlp.guess) == 2 * 401 + 400
 
 

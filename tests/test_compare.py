@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from documents import Ran, run
+from documents import PUSH, Ran, run
 
 import quito_cli as quito
 from quito_cli.comparison.compare import FINER, OF_OUR_ROW
@@ -25,15 +25,6 @@ from quito_cli.solvers.outcome import Progress
 
 Solve = Callable[..., quito.Solution]
 
-PUSH = """\
-title: Push to one
-time: {initial: 0, final: 1}
-states: {x: {initial: 0, final: 1}}
-controls: {u: {lower: -3, upper: 3}}
-dynamics: {x: u}
-cost: {lagrange: u^2}
-"""
-"""u = 1 and J = 1."""
 KNOWN = PUSH + "reference: {cost: 1, control: {u: 1}, state: {x: t}}\n"
 WRONG = PUSH + "reference: {cost: 2, control: {u: 0}, state: {x: 0}}\n"
 """e = 1 on [0, 1]: every norm is one, or √n."""

@@ -8,7 +8,6 @@ import operator
 import pickle
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -17,6 +16,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
+from processor import within
 
 from quito_cli.problem.language.expressions import (
     ExpressionError,
@@ -591,9 +591,8 @@ HOSTILE: dict[str, str] = {
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_hostile_text_is_refused_quickly(name: str) -> None:
-    start = time.perf_counter()
-    complaint(HOSTILE[name])
-    assert time.perf_counter() - start < 2.0
+    with within(20):
+        complaint(HOSTILE[name])
 
 
 @pytest.mark.parametrize(
@@ -626,22 +625,23 @@ def test_work_is_capped() -> None:
         return evaluate(parse(text), big)
 
     large = "the expression is too large: it takes more than 200000 operations"
-    start = time.perf_counter()
-    assert complaint("X @ X", read) == (large, "X @ X")
-    assert complaint("l @ transpose(l)", read)[0].startswith("a matrix of 150x150 is too large")
-    assert complaint("+".join(["X"] * 100), read)[0] == large
-    assert complaint("diag(l)", read)[0] == (
-        "diag of 150 entries is a matrix of more than 10000 entries"
-    )
-    symbols = "takes matrices of symbols up to 12x12, not 13x13"
-    assert complaint("inv(S)", read)[0] == f"inv {symbols}"
-    assert complaint("solve(S, S)", read)[0] == f"solve {symbols}"
-    assert complaint("inv(N)", read)[0] == "inv takes matrices of numbers up to 50x50, not 51x51"
-    places = np.arange(1000.0)
-    table = {"long": TableData("long", places, places, "cubic")}
-    text = "interpolate(l, long)"
-    assert complaint(text, lambda given: evaluate(parse(given), big, tables=table))[0] == large
-    assert time.perf_counter() - start < 3.0
+    with within(30):
+        assert complaint("X @ X", read) == (large, "X @ X")
+        assert complaint("l @ transpose(l)", read)[0].startswith("a matrix of 150x150 is too large")
+        assert complaint("+".join(["X"] * 100), read)[0] == large
+        assert complaint("diag(l)", read)[0] == (
+            "diag of 150 entries is a matrix of more than 10000 entries"
+        )
+        symbols = "takes matrices of symbols up to 12x12, not 13x13"
+        assert complaint("inv(S)", read)[0] == f"inv {symbols}"
+        assert complaint("solve(S, S)", read)[0] == f"solve {symbols}"
+        assert (
+            complaint("inv(N)", read)[0] == "inv takes matrices of numbers up to 50x50, not 51x51"
+        )
+        places = np.arange(1000.0)
+        table = {"long": TableData("long", places, places, "cubic")}
+        text = "interpolate(l, long)"
+        assert complaint(text, lambda given: evaluate(parse(given), big, tables=table))[0] == large
 
 
 @pytest.mark.parametrize("name", ["x", "X1", "x_1", "e", "alpha_dot_", "pi2", "T", "I"])

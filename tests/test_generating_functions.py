@@ -178,10 +178,10 @@ def test_lebesgue_constant_overshoot_and_width_are_those_of_plain_sums(
 
 @pytest.mark.parametrize("name", POSITIVE)
 def test_a_positive_function_neither_overshoots_nor_amplifies(name: str) -> None:
-    for row in all_qualities(2.0, True, SATURATION_LIMIT):
-        if row.function.name == name:
-            assert row.lebesgue_constant == pytest.approx(1, abs=1e-12)
-            assert row.overshoot == 0
+    rows = all_qualities(2.0, True, SATURATION_LIMIT)
+    (row,) = (row for row in rows if row.function.name == name)
+    assert row.lebesgue_constant == pytest.approx(1, abs=1e-12)
+    assert row.overshoot == 0
 
 
 def test_the_jump_of_the_gaussian_is_an_error_function() -> None:

@@ -69,7 +69,10 @@ def test_blocks_are_what_check_latex_prints(check: Callable[[str], Checked]) -> 
     for name in ("van_der_pol", "robot_path", "inverted_pendulum"):
         text = bundled()[name].read_text(encoding="utf-8")
         whole = re.sub(r"\s+", "", render(load_text(text, name), latex=True))
-        for block in check(text).formulas:
+        blocks = check(text).formulas
+        assert [block.title for block in blocks] == ["minimise", "subject to", "with"]
+        for block in blocks:
+            assert block.lines
             assert all(re.sub(r"\s+", "", line) in whole for line in block.lines)
 
 

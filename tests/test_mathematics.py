@@ -9,8 +9,7 @@ import unicodedata
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from fractions import Fraction
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import pytest
 from hypothesis import assume, given, settings
@@ -468,21 +467,20 @@ def test_what_is_no_formula_is_printed_as_it_stands() -> None:
 
 def whole_language() -> Problem:
     """Give a problem with sections beyond those that `problem` has."""
-    base = problem("u*interpolate(x1, rho)")
     more = {
         "sense": "maximize",
-        "time": SimpleNamespace(initial=0, final=SimpleNamespace(lower=0.1, upper=None, guess=1)),
-        "parameters": {"p": SimpleNamespace(size=None, lower=0, upper=None, guess=1)},
+        "time": {"initial": 0, "final": {"lower": 0.1, "guess": 1}},
+        "parameters": {"p": {"lower": 0, "guess": 1}},
         "expressions": {"D": "0.5*v_max*x1^2"},
-        "tables": {"rho": SimpleNamespace(x=[0, 1], y=[1, 2], method="linear")},
-        "constraints": SimpleNamespace(
-            path={"mixed": "u + x1/6 <= 2", "band": "-1 <= x1 - u < 1"},
-            boundary={"closed": "final(x1) - initial(x1) != 0"},
-            integral={"fuel": "u^2 <= 5", "work": "-1 <= x1*u <= mu", "wrong": "u"},
-            point={"way": SimpleNamespace(at=0.5, holds="x1 == 1")},
-        ),
+        "tables": {"rho": {"x": [0, 1], "y": [1, 2], "method": "linear"}},
+        "constraints": {
+            "path": {"mixed": "u + x1/6 <= 2", "band": "-1 <= x1 - u < 1"},
+            "boundary": {"closed": "final(x1) - initial(x1) != 0"},
+            "integral": {"fuel": "u^2 <= 5", "work": "-1 <= x1*u <= mu", "wrong": "u"},
+            "point": {"way": {"at": 0.5, "holds": "x1 == 1"}},
+        },
     }
-    return cast(Problem, SimpleNamespace(**(dict(base) | more)))
+    return problem("u*interpolate(x1, rho)", **more)
 
 
 def test_the_whole_language() -> None:

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from documents import run
 
 import quito_cli as quito
 from quito_cli import solvers
@@ -49,22 +48,6 @@ cost: {lagrange: x*cos(20*pi*t)}
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-@pytest.fixture
-def quito_(
-    here: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> Callable[..., tuple[int, str, str]]:
-    """Run a command; return its exit code and what it printed."""
-
-    def ran(*arguments: str) -> tuple[int, str, str]:
-        capfd.readouterr()
-        code = run(list(arguments), monkeypatch)
-        printed = capfd.readouterr()
-        assert "Traceback" not in printed.err
-        return code, printed.out, printed.err
-
-    return ran
 
 
 Quito = Callable[..., tuple[int, str, str]]

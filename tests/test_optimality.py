@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import time
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -119,14 +118,6 @@ def test_derivatives_are_those_of_the_hamiltonian(name: str) -> None:
             assert slopes[i] == pytest.approx(slope, rel=1e-5, abs=1e-5 * scale)
     gap = point(x, u, p, float(t[0]) + 1e-5)[1] - point(x, u, p, float(t[0]) - 1e-5)[1]
     assert values.rate[0] == pytest.approx(gap / 2e-5, rel=1e-5, abs=1e-5 * scale)
-
-
-def test_it_costs_little(model: Build) -> None:
-    given = model("van_der_pol")
-    begun = time.perf_counter()
-    for _ in range(10):
-        pontryagin(given)
-    assert (time.perf_counter() - begun) / 10 < 3e-3
 
 
 # Singular controls

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import re
 import signal
 import sys
@@ -20,7 +19,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from documents import run
 
 import quito_cli as quito
 from quito_cli import on_answer
@@ -126,26 +124,12 @@ def engine(monkeypatch: pytest.MonkeyPatch) -> Engine:
 
 
 @pytest.fixture
-def quito_(
-    engine: Engine,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-) -> Quito:
+def quito_(engine: Engine, quito_: Quito) -> Quito:
     """Run a command where there is `jump.yaml`; return its exit code and what it printed."""
-    monkeypatch.chdir(tmp_path)
     Path("jump.yaml").write_text(JUMP, encoding="utf-8")
     Path("known.yaml").write_text(KNOWN, encoding="utf-8")
     assert engine.does is exact
-
-    def ran(*arguments: str) -> tuple[int, str, str]:
-        capfd.readouterr()
-        code = run(list(arguments), monkeypatch)
-        printed = capfd.readouterr()
-        assert "Traceback" not in printed.err
-        return code, printed.out, printed.err
-
-    return ran
+    return quito_
 
 
 def row(printed: str, label: str) -> str:
@@ -368,7 +352,7 @@ def test_what_is_refused(arguments: tuple[str, ...], said: str, quito_: Quito) -
 
 def test_ctrl_c_during_the_polish_leaves_the_direct_answer(quito_: Quito, engine: Engine) -> None:
     def pressed(problem: Any, model: Any, options: Any, direct: quito.Solution) -> quito.Solution:
-        os.kill(os.getpid(), signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
         raise AssertionError("it went on")
 
     engine.does = pressed
@@ -389,7 +373,7 @@ def test_ctrl_c_before_it_begins_is_heeded(engine: Engine, monkeypatch: pytest.M
     certified = on_answer.certified
 
     def pressed(model: Any, solution: quito.Solution) -> quito.Solution:
-        os.kill(os.getpid(), signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
         return certified(model, solution)
 
     monkeypatch.setattr(on_answer, "certified", pressed)

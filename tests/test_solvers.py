@@ -19,6 +19,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from processor import within
 
 import quito_cli as quito
 from quito_cli.problem.load import load_text
@@ -379,9 +380,8 @@ def test_recognition_is_quick(model: Build) -> None:
         nlp = made(model(problem), 20)
         for term in nlp.terms:
             _ = term.local  # formed for the solver anyway
-        started = time.perf_counter()
-        _ = nlp.nonlinearity
-        assert time.perf_counter() - started < 0.1
+        with within(2):
+            _ = nlp.nonlinearity
 
 
 @pytest.mark.parametrize("name", QUADRATIC)

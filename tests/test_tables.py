@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import pickle
-import time
 
 import casadi
 import numpy as np
@@ -12,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from processor import within
 from scipy.interpolate import CubicSpline
 
 from quito_cli.problem.language.expressions import evaluate, parse
@@ -209,14 +209,13 @@ def test_what_passes_the_check_is_finite(x: list[float], y: list[float]) -> None
 
 @pytest.mark.parametrize("method", ["linear", "cubic"])
 def test_long_table_is_quick(method: Method) -> None:
-    start = time.perf_counter()
-    table = TableData("d", *sample(MAX_POINTS), method)
-    z = casadi.SX.sym("z", 2)
-    total = sum(casadi.sin(table(z[0] * i + z[1])) for i in range(5))
-    hessian, gradient = casadi.hessian(total, z)
-    function = casadi.Function("f", [z], [total, gradient, hessian])
-    assert all(np.isfinite(part.full()).all() for part in function([0.3, 7.0]))
-    assert time.perf_counter() - start < 0.8
+    with within(10):
+        table = TableData("d", *sample(MAX_POINTS), method)
+        z = casadi.SX.sym("z", 2)
+        total = sum(casadi.sin(table(z[0] * i + z[1])) for i in range(5))
+        hessian, gradient = casadi.hessian(total, z)
+        function = casadi.Function("f", [z], [total, gradient, hessian])
+        assert all(np.isfinite(part.full()).all() for part in function([0.3, 7.0]))
 
 
 @pytest.mark.parametrize("method", ["linear", "cubic"])

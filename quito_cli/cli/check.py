@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from quito_cli.cli.options import AsJson
 from quito_cli.cli.text import plain
 from quito_cli.errors import QuitoError
 
@@ -16,9 +17,7 @@ def check(
         list[str], typer.Argument(metavar="FILE...", help="Problem files, or bundled names.")
     ],
     latex: Annotated[bool, typer.Option("--latex", help="Print the mathematics as LaTeX.")] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object, and nothing else.")
-    ] = False,
+    as_json: AsJson = False,
     quiet: Annotated[
         bool, typer.Option("--quiet", "-q", help="Print errors and warnings only.")
     ] = False,

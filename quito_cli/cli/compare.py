@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from quito_cli.cli.options import (
+    AsJson,
     GeneratingFunction,
     MaxIterations,
+    Quiet,
     Settings,
     Steps,
     Substeps,
@@ -130,14 +132,12 @@ def compare(
     ),
     picture: Picture = "png",
     no_plot: Annotated[bool, typer.Option("--no-plot", help="Draw no pictures.")] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object, and nothing else.")
-    ] = False,
+    as_json: AsJson = False,
     markdown: Annotated[
         bool, typer.Option("--markdown", help="Print the tables as Markdown.")
     ] = False,
     latex: Annotated[bool, typer.Option("--latex", help="Print the tables as LaTeX.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    quiet: Quiet = False,
     verbose: Annotated[
         bool,
         typer.Option(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from quito_cli.cli.options import AsJson, Quiet
 from quito_cli.errors import UsageError
 from quito_cli.on_mesh import SATURATION_LIMIT
 from quito_cli.solve import Options
@@ -41,10 +42,8 @@ def generating_functions(
         Literal["png", "pdf", "svg"], typer.Option("--format", help="Format of the picture.")
     ] = "png",
     no_plot: Annotated[bool, typer.Option("--no-plot", help="Draw no picture.")] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object, and nothing else.")
-    ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Compare the generating functions: table and picture."""
     from quito_cli.problem.options import CommonOptions

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from quito_cli.cli.options import AsJson
 from quito_cli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -25,9 +26,7 @@ def list_problems(
         list[str] | None,
         typer.Option("--tag", metavar="TAG", help="Only those with this tag; may be repeated."),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object, and nothing else.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """List the bundled problems.
 

@@ -49,6 +49,8 @@ Settings = Annotated[
         help="Set a constant, or a value by its path (states.x1.upper=2); may be repeated.",
     ),
 ]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object, and nothing else.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 Variance = Annotated[
     float | None,
     typer.Option(

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from quito_cli.cli.options import Quiet
 from quito_cli.cli.output import Picture, check_folder, check_picture
 
 
@@ -27,7 +28,7 @@ def plot(
         typer.Option("-o", "--output", help="Folder for the picture. [default: the result's]"),
     ] = None,
     picture: Picture = "png",
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Draw a saved result."""
     from quito_cli.plots.figure import DEFAULT, draw

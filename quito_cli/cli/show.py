@@ -6,31 +6,15 @@ import json
 import shutil
 import sys
 from pathlib import Path
-from textwrap import fill
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from quito_cli.cli.options import AsJson
 from quito_cli.errors import UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from quito_cli.problem.model import Known
-    from quito_cli.problem.schema import Problem
-    from quito_cli.problem.schema_reference import Published
-
-_WIDTH = 100
-_PUBLISHED = {
-    "tool": "published",
-    "steps": "steps",
-    "time": "seconds",
-    "iterations": "iterations",
-    "violation": "violation",
-    "error_norm": "error norm",
-    "dft_norm": "DFT norm",
-}
-"""Columns of published rows, with their headings."""
+    pass
 
 
 def show(
@@ -43,9 +27,7 @@ def show(
     latex: Annotated[
         bool, typer.Option("--latex", help="Print a problem as LaTeX, and nothing else.")
     ] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object, and nothing else.")
-    ] = False,
+    as_json: AsJson = False,
     pontryagin: Annotated[
         bool,
         typer.Option(
@@ -72,33 +54,52 @@ def show(
 
     _refuse_together(as_yaml, latex, as_json, pontryagin, certificate, explain)
     if Path(what).suffix == ".h5" or is_result(Path(what)):
-        if pontryagin:
-            raise UsageError(f"{what} is a result: --pontryagin takes the problem, so name that")
-        if as_yaml or latex:
-            raise UsageError(f"{what} is a result: --yaml and --latex are for problems")
+        _refuse_of_result(what, pontryagin=pontryagin, text=as_yaml or latex)
         if certificate:
             _show_certificate(Path(what))
         elif explain:
             _show_polish(Path(what))
         else:
             _show_result(Path(what), as_json)
-    elif certificate:
-        raise UsageError(
-            f"{what} is no result: --certificate takes the file of one, such as results/"
-            f"{Path(what).stem}.h5; quito show {what} --pontryagin says what the conditions of a "
-            "problem are"
-        )
-    elif explain:
-        raise UsageError(
-            f"{what} is no result: --explain takes the file of one that was polished; quito solve "
-            f"{what} --polish --explain makes one"
-        )
-    elif as_yaml:
+        return
+    _refuse_of_problem(what, certificate=certificate, explain=explain)
+    if as_yaml:
         _print_file(what)
     elif pontryagin:
         _show_derivation(what, latex)
     else:
         _show_problem(what, as_json, latex)
+
+
+def _refuse_of_result(what: str, *, pontryagin: bool, text: bool) -> None:
+    """Refuse what a result has not.
+
+    Raises:
+        UsageError: that is asked for.
+    """
+    if pontryagin:
+        raise UsageError(f"{what} is a result: --pontryagin takes the problem, so name that")
+    if text:
+        raise UsageError(f"{what} is a result: --yaml and --latex are for problems")
+
+
+def _refuse_of_problem(what: str, *, certificate: bool, explain: bool) -> None:
+    """Refuse what a problem has not.
+
+    Raises:
+        UsageError: that is asked for.
+    """
+    if certificate:
+        raise UsageError(
+            f"{what} is no result: --certificate takes the file of one, such as results/"
+            f"{Path(what).stem}.h5; quito show {what} --pontryagin says what the conditions of a "
+            "problem are"
+        )
+    if explain:
+        raise UsageError(
+            f"{what} is no result: --explain takes the file of one that was polished; quito solve "
+            f"{what} --polish --explain makes one"
+        )
 
 
 def _refuse_together(
@@ -177,109 +178,19 @@ def _print_file(where: str) -> None:
 
 def _show_problem(where: str, as_json: bool, latex: bool) -> None:
     from quito_cli.problem.load import load
-    from quito_cli.problem.mathematics import render
 
     problem = load(where)
     if as_json:
         data = problem.model_dump(mode="json", exclude_unset=True)
         typer.echo(json.dumps(data, ensure_ascii=False))
         return
-    from quito_cli.cli.text import labelled, plain
-    from quito_cli.problem.build import build
+    from quito_cli.cli.problem import problem_page
 
-    known = build(problem).known
-    mathematics = plain(render(problem, latex=latex))
-    if latex:
-        typer.echo(mathematics)
-        return
-    paragraphs = [
-        _heading(problem),
-        _wrapped(plain(problem.description)),
-        mathematics,
-        labelled(_facts(problem, known), indent=""),
-        _published(problem.published),
-    ]
-    typer.echo("\n\n".join(paragraph for paragraph in paragraphs if paragraph))
+    typer.echo(problem_page(problem, _room(), latex=latex))
 
 
 def _show_derivation(where: str, latex: bool) -> None:
-    from quito_cli.cli.text import plain
-    from quito_cli.optimality.page import derivation
+    from quito_cli.cli.problem import derivation_page
     from quito_cli.problem.load import load
 
-    problem = load(where)
-    text = plain(derivation(problem, latex=latex))
-    typer.echo(text if latex else f"{_heading(problem)}\n\n{text}")
-
-
-def _heading(problem: Problem) -> str:
-    """Return the title, with the source below it."""
-    from quito_cli.cli.text import plain
-
-    title = typer.style(plain(problem.title or problem.name), bold=True)
-    return f"{title}\n{_wrapped(plain(problem.source))}".strip()
-
-
-def _wrapped(text: str, *, indent: int = 0) -> str:
-    """Return text within the width of the terminal, its paragraphs kept."""
-    room = min(_WIDTH, _room() or _WIDTH)
-    return "\n".join(
-        fill(line, max(20, room - indent), break_long_words=False, break_on_hyphens=False)
-        for line in text.strip().splitlines()
-    ).replace("\n", "\n" + " " * indent)
-
-
-def _facts(problem: Problem, known: Known | None) -> list[tuple[str, str]]:
-    """Return what is known of the answer, what the file asks for, and its tags."""
-    rows: list[tuple[str, str]] = []
-    reference = problem.reference
-    if known is not None and reference is not None:
-        if known.cost is not None:
-            within = f" ± {known.accuracy:g}" if known.accuracy is not None else ""
-            rows.append(("known optimum", f"{known.cost:.16g}{within}"))
-        if known.switching_times:
-            rows.append(("switching times", ", ".join(f"{t:.10g}" for t in known.switching_times)))
-        functions = [*known.states, *known.controls]
-        if functions:
-            rows.append(("known functions", ", ".join(f"{name}(t)" for name in functions)))
-        rows.append(("verified", reference.verified))
-    rows.append(("options", _options(problem)))
-    rows.append(("tags", ", ".join(problem.tags)))
-    margin = max(len(label) for label, _ in rows) + 2
-    return [(label, _wrapped(text, indent=margin)) for label, text in rows if text.strip()]
-
-
-def _options(problem: Problem) -> str:
-    asked = problem.options.model_dump(exclude_unset=True, exclude_none=True)
-    solver = asked.pop("solver_options", {})
-    pairs = {name.replace("_", "-"): value for name, value in asked.items()} | solver
-    return ", ".join(f"{name} {_text(value)}" for name, value in pairs.items())
-
-
-def _published(rows: Sequence[Published]) -> str:
-    """Return published rows as a table, without the columns that none of them fills."""
-    from quito_cli.cli.text import columns
-
-    filled = {
-        field: heading
-        for field, heading in _PUBLISHED.items()
-        if any(getattr(row, field) is not None for row in rows)
-    }
-    return columns(
-        [
-            [*filled.values()],
-            *([_text(getattr(row, field)) for field in filled] for row in rows),
-        ]
-        if rows
-        else [],
-        indent="",
-        header=True,
-    )
-
-
-def _text(value: str | float | None) -> str:
-    if value is None:
-        return "-"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return value if isinstance(value, str) else f"{value:.10g}"
+    typer.echo(derivation_page(load(where), _room(), latex=latex))

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from quito_cli.cli.options import AsJson
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
@@ -18,9 +20,7 @@ def solvers(
     test: Annotated[
         bool, typer.Option("--test", help="Solve two small problems with each that is here.")
     ] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object, and nothing else.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """List the solvers: what they are for, and which are in this installation.
 

@@ -92,15 +92,10 @@ def compare(
     name = name_of(ours)
     solution = saved or solve(problem, listener=_told(listener, name), **options)
     answers = [(name, solution), *_solved(problem, others, solution, listener)]
-    last = answers[-1][1]
-    notes: list[str] = []
-    truth = None if against_self else from_reference(model)
-    if truth is None and not last.interrupted:
-        asked = saved is not None or options.get("steps") is not None
-        last = _finer(problem, ours, asked, listener)
-        truth, notes = _as_truth(last, model, against_self)
+    asked = saved is not None or options.get("steps") is not None
+    finer = partial(_finer, problem, ours, asked, listener)
+    truth, notes, interrupted = _truth(model, answers[-1][1], finer, against_self)
     notes += [_unpolished(method, solution) for method, solution in answers if _lacks(solution)]
-    interrupted = last.interrupted
     if interrupted:
         notes.append("interrupted: what was to follow was not solved")
     setting = Setting(samples or SAMPLES * control_points(ours), zone)
@@ -174,6 +169,24 @@ def _unpolished(method: str, solution: Solution) -> str:
     """Return what the row of such an answer is."""
     assert solution.polishing is not None
     return f"{method} is the direct answer: {solution.polishing.outcome}"
+
+
+def _truth(
+    model: Model, last: Solution, finer: Callable[[], Solution], wanted: bool
+) -> tuple[Truth | None, list[str], bool]:
+    """Return the truth, what is to be said of it, and whether the user has stopped.
+
+    Args:
+        model: the problem.
+        last: the answer found last; where it was interrupted, nothing more is solved.
+        finer: solves for the truth where the file has none.
+        wanted: whether a finer solve is asked for by name.
+    """
+    truth = None if wanted else from_reference(model)
+    if truth is not None or last.interrupted:
+        return truth, [], last.interrupted
+    solved = finer()
+    return *_as_truth(solved, model, wanted), solved.interrupted
 
 
 def _finer(

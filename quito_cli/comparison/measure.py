@@ -87,17 +87,17 @@ def measured(
     rows = [_row(method, solution, ruler) for method, solution in answers]
     origin = answers[0][1].origin
     return Comparison(
-        origin.name,
-        origin.title,
-        origin.controls,
-        origin.states,
-        truth,
-        zones,
-        times,
-        np.asarray(np.fft.rfftfreq(setting.samples, step), dtype=float),
-        tuple(rows if ringing else (replace(row, ringing=None) for row in rows)),
-        tuple(published),
-        tuple(notes),
+        problem=origin.name,
+        title=origin.title,
+        controls=origin.controls,
+        states=origin.states,
+        truth=truth,
+        zones=zones,
+        sample_times=times,
+        frequencies=np.asarray(np.fft.rfftfreq(setting.samples, step), dtype=float),
+        rows=tuple(rows if ringing else (replace(row, ringing=None) for row in rows)),
+        published=tuple(published),
+        notes=tuple(notes),
     )
 
 
@@ -128,19 +128,19 @@ def _row(method: str, solution: Solution, ruler: _Ruler) -> Row:
     truth, horizon, n_u = ruler.truth, ruler.horizon, len(solution.origin.controls)
     samples = np.full((len(ruler.times), n_u), np.nan)
     row = Row(
-        method,
-        solution,
-        None,
-        (),
-        None,
-        None,
-        (np.nan,) * len(solution.origin.states),
-        None,
-        (),
-        variation(solution, solution.times, horizon),
-        solution.evidence.ringing,
-        samples,
-        norms.spectrum(samples),
+        method=method,
+        solution=solution,
+        errors=None,
+        by_control=(),
+        cost_error=None,
+        resimulated_cost_error=None,
+        state_errors=(np.nan,) * len(solution.origin.states),
+        state_error=None,
+        switching_times=(),
+        total_variation=variation(solution, solution.times, horizon),
+        ringing=solution.evidence.ringing,
+        samples=samples,
+        spectrum=norms.spectrum(samples),
     )
     if truth is None:
         return row

@@ -33,13 +33,13 @@ def from_reference(model: Model) -> Truth | None:
     ]
     ends = {piece.until for piece in pieces if np.isfinite(piece.until)}
     return Truth(
-        "reference of the file",
-        known.cost,
-        known.accuracy,
-        known.switching_times,
-        partial(Known.sample, known.controls, model.controls),
-        partial(Known.sample, known.states, model.states),
-        tuple(sorted(ends | set(known.switching_times))),
+        title="reference of the file",
+        cost=known.cost,
+        accuracy=known.accuracy,
+        switching_times=known.switching_times,
+        control=partial(Known.sample, known.controls, model.controls),
+        state=partial(Known.sample, known.states, model.states),
+        breaks=tuple(sorted(ends | set(known.switching_times))),
     )
 
 
@@ -52,14 +52,14 @@ def from_solution(solution: Solution, title: str, known: Known | None = None) ->
     own = solution.switching_times if solution.polished else ()
     blur = min(BLUR * float(np.diff(solution.times).max()), MOST_BLUR * (end - start))
     return Truth(
-        title,
-        solution.cost,
-        None,
-        known.switching_times if known else own,
-        solution.control,
-        solution.state,
-        tuple(float(t) for t in solution.times),
-        (start, end),
+        title=title,
+        cost=solution.cost,
+        accuracy=None,
+        switching_times=known.switching_times if known else own,
+        control=solution.control,
+        state=solution.state,
+        breaks=tuple(float(t) for t in solution.times),
+        horizon=(start, end),
         blur=0.0 if solution.polished else blur,
     )
 

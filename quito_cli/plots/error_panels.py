@@ -212,4 +212,14 @@ def _logarithmic(
     drawn = traces([(n, x, np.log10(y)) for n, x, y in raised], np.log10(foot), np.log10(top))
     restored = tuple(replace(t, y=10**t.y) for t in drawn)
     note = "zero is drawn at the foot" if zero else ""
-    return Panel(label, axis, restored, 0.8 * foot, 1.6 * top, (), zones, True, note)
+    return Panel(
+        label=label,
+        axis=axis,
+        traces=restored,
+        low=0.8 * foot,
+        high=1.6 * top,
+        bounds=(),
+        zones=zones,
+        logarithmic=True,
+        note=note,
+    )

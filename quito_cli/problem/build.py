@@ -14,21 +14,14 @@ import numpy as np
 from quito_cli.problem.comparisons import read_comparison
 from quito_cli.problem.declarations import bounds, end_values, hints, times
 from quito_cli.problem.keys import derived_state
-from quito_cli.problem.known import check_reference, read_reference
-from quito_cli.problem.model import (
-    Bounds,
-    Constraint,
-    Constraints,
-    Instant,
-    Known,
-    Lookup,
-    Model,
-    Variable,
-)
+from quito_cli.problem.known import Known
+from quito_cli.problem.model import Constraint, Constraints, Lookup, Model
+from quito_cli.problem.reference import check_reference, read_reference
 from quito_cli.problem.schema import Problem
 from quito_cli.problem.scopes import Scopes
 from quito_cli.problem.text.complaints import Complaint, ProblemError, suggest
 from quito_cli.problem.values import Path, Reader
+from quito_cli.problem.variables import Bounds, Instant, Variable
 from quito_cli.problem.views import read_views
 
 if TYPE_CHECKING:
@@ -68,31 +61,31 @@ def try_build(problem: Problem, poisoned: Iterable[str] = ()) -> tuple[Model, li
     final = end_values(scopes, "final", state_bounds)
     sense = -1 if problem.sense == "maximize" else 1
     model = Model(
-        problem.name,
-        scopes.states,
-        scopes.controls,
-        scopes.parameters,
-        scopes.x,
-        scopes.u,
-        scopes.p,
-        scopes.t,
-        dynamics(scopes),
-        sense * cost(scopes, "lagrange"),
-        scopes.ends,
-        sense * cost(scopes, "mayer"),
-        state_bounds,
-        control_bounds,
-        parameter_bounds,
-        initial.within(state_bounds),
-        final.within(state_bounds),
-        start,
-        end,
-        _constraints(scopes, start, end),
-        hints(scopes, parameter_bounds),
-        sense,
-        _known(scopes, start, end, state_bounds, control_bounds),
-        read_views(scopes),
-        _lookups(scopes),
+        name=problem.name,
+        states=scopes.states,
+        controls=scopes.controls,
+        parameters=scopes.parameters,
+        x=scopes.x,
+        u=scopes.u,
+        p=scopes.p,
+        t=scopes.t,
+        xdot=dynamics(scopes),
+        lagrange=sense * cost(scopes, "lagrange"),
+        ends=scopes.ends,
+        mayer=sense * cost(scopes, "mayer"),
+        state_bounds=state_bounds,
+        control_bounds=control_bounds,
+        parameter_bounds=parameter_bounds,
+        initial=initial.within(state_bounds),
+        final=final.within(state_bounds),
+        initial_time=start,
+        final_time=end,
+        constraints=_constraints(scopes, start, end),
+        hints=hints(scopes, parameter_bounds),
+        sense=sense,
+        known=_known(scopes, start, end, state_bounds, control_bounds),
+        views=read_views(scopes),
+        lookups=_lookups(scopes),
     )
     return model, reader.complaints
 

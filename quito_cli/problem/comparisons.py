@@ -19,9 +19,10 @@ from quito_cli.problem.language.expressions import (
     parse_comparison,
 )
 from quito_cli.problem.language.hints import infinity
-from quito_cli.problem.model import Bounds, Constraint
+from quito_cli.problem.model import Constraint
 from quito_cli.problem.scopes import Scope, Scopes
 from quito_cli.problem.values import Path
+from quito_cli.problem.variables import Bounds
 
 if TYPE_CHECKING:
     import casadi as ca

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.problem.model import Bounds, GuessFunction, Hints, Instant, Variable
+from quito_cli.problem.model import GuessFunction, Hints
 from quito_cli.problem.schema import Control, Parameter, State
 from quito_cli.problem.schema_values import FreeTime, GuessTable
 from quito_cli.problem.scopes import Scope, Scopes
 from quito_cli.problem.values import Path, miscounted
+from quito_cli.problem.variables import Bounds, Instant, Variable
 
 if TYPE_CHECKING:
     import casadi as ca

@@ -2,11 +2,13 @@
 
 Vectors are stacked in the order of the problem file: x (n_x), u (n_u), p (n_p). Every cost is that
 of a minimisation; `sense` is −1 where the file maximises, and only reports look at it.
+
+The stages after `problem` import from here all that a Model is made of.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -14,86 +16,33 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from quito_cli.problem.known import Known, Piece
+from quito_cli.problem.variables import Array, Bounds, Instant, Variable, labels, units
+
 if TYPE_CHECKING:
     import casadi as ca
 
     from quito_cli.problem.shapes import View
 
-Array = NDArray[np.float64]
+__all__ = [
+    "Bounds",
+    "Constraint",
+    "Constraints",
+    "Endpoints",
+    "GuessFunction",
+    "Hints",
+    "Instant",
+    "Known",
+    "Lookup",
+    "Model",
+    "Piece",
+    "Variable",
+    "labels",
+    "units",
+]
+
 GuessFunction = Callable[[Array], Array]
 """times (points,) ↦ values (points, size)."""
-
-
-@dataclass(frozen=True)
-class Variable:
-    """A state, control or parameter of the file; a vector has `size` above 1."""
-
-    name: str
-    size: int
-    first: int
-    """Where it starts in the stacked vector."""
-    unit: str = ""
-    vector: bool = False
-    """Declared with a size: entries are written name[0], name[1], …"""
-
-    @property
-    def entries(self) -> slice:
-        """Its place in the stacked vector."""
-        return slice(self.first, self.first + self.size)
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """A name for each entry."""
-        return tuple(f"{self.name}[{i}]" for i in range(self.size)) if self.vector else (self.name,)
-
-
-def labels(variables: tuple[Variable, ...]) -> tuple[str, ...]:
-    """Return the names of all entries of the stacked vector."""
-    return tuple(label for variable in variables for label in variable.labels)
-
-
-def units(variables: tuple[Variable, ...]) -> tuple[str, ...]:
-    """Return the units of all entries of the stacked vector."""
-    return tuple(variable.unit for variable in variables for _ in range(variable.size))
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """lower ≤ value ≤ upper, entry by entry; ±inf where there is none."""
-
-    lower: Array
-    upper: Array
-
-    def __iter__(self) -> Iterator[Array]:
-        return iter((self.lower, self.upper))
-
-    @property
-    def fixed(self) -> NDArray[np.bool_]:
-        """Entries that leave no choice."""
-        return np.asarray(self.lower == self.upper)
-
-    @property
-    def unbounded(self) -> NDArray[np.bool_]:
-        """Entries that may grow without end on a side."""
-        return ~(np.isfinite(self.lower) & np.isfinite(self.upper))
-
-    def within(self, other: Bounds) -> Bounds:
-        """Return the intersection."""
-        return Bounds(np.maximum(self.lower, other.lower), np.minimum(self.upper, other.upper))
-
-
-@dataclass(frozen=True)
-class Instant:
-    """The initial or the final time."""
-
-    lower: float
-    upper: float
-    guess: float
-
-    @property
-    def fixed(self) -> bool:
-        """Whether it is a number rather than an unknown."""
-        return self.lower == self.upper
 
 
 @dataclass(frozen=True)
@@ -104,44 +53,6 @@ class Endpoints:
     t0: ca.SX
     xf: ca.SX
     tf: ca.SX
-
-
-@dataclass(frozen=True)
-class Piece:
-    """A piece of a known function of time."""
-
-    until: float
-    """Where it ends; the next piece holds from there on."""
-    value: ca.Function
-    """t ↦ a column of the variable's size."""
-
-
-@dataclass(frozen=True)
-class Known:
-    """What is known of the answer."""
-
-    cost: float | None
-    """In the file's sense."""
-    accuracy: float | None
-    switching_times: tuple[float, ...]
-    states: dict[str, tuple[Piece, ...]]
-    controls: dict[str, tuple[Piece, ...]]
-
-    @staticmethod
-    def sample(
-        functions: dict[str, tuple[Piece, ...]], variables: tuple[Variable, ...], times: Array
-    ) -> Array:
-        """Return the known functions at `times`, (len(times), entries); NaN where unknown."""
-        values = np.full((len(times), sum(v.size for v in variables)), np.nan)
-        for variable in variables:
-            start = -np.inf
-            for piece in functions.get(variable.name, ()):
-                here = (times >= start) & (times < piece.until)
-                if here.any():
-                    found = np.array(piece.value.map(int(here.sum()))(times[here]))
-                    values[here, variable.entries] = found.T
-                start = piece.until
-        return values
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,9 +19,10 @@ import numpy as np
 
 from quito_cli.problem.language.expressions import is_valid_name
 from quito_cli.problem.language.tables import TableData, check
-from quito_cli.problem.model import Endpoints, Variable
+from quito_cli.problem.model import Endpoints
 from quito_cli.problem.schema import Control, Parameter, Problem, State
 from quito_cli.problem.values import Path, Reader
+from quito_cli.problem.variables import Variable
 
 if TYPE_CHECKING:
     import casadi as ca

@@ -23,9 +23,9 @@ from quito_cli.problem.language.expressions import (
 from quito_cli.problem.language.hints import Place as Hinted
 from quito_cli.problem.language.hints import advice, infinity
 from quito_cli.problem.language.tables import TableData
-from quito_cli.problem.model import Bounds
 from quito_cli.problem.schema_values import Range
 from quito_cli.problem.text.complaints import Complaint
+from quito_cli.problem.variables import Bounds
 
 if TYPE_CHECKING:
     import casadi as ca

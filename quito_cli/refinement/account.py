@@ -55,15 +55,15 @@ def account(
     times = times[~within(times, zones)]
     horizon = float(solution.times[-1] - solution.times[0])
     return Account(
-        _difference(solution, other_mesh, times, size),
-        _difference(solution, other_substeps, times, size),
-        _from_bounds(solution, times, size),
-        blur(solution.junctions, size, horizon),
-        zones,
-        _saturation(solution),
-        _bends(solution, zones, size, 0),
-        float(local_errors.sum()),
-        solution.evidence.resimulation_gap,
+        meshes=_difference(solution, other_mesh, times, size),
+        substeps=_difference(solution, other_substeps, times, size),
+        bounds=_from_bounds(solution, times, size),
+        jumps=blur(solution.junctions, size, horizon),
+        left_out=zones,
+        saturation=_saturation(solution),
+        approximation=_bends(solution, zones, size, 0),
+        integration=float(local_errors.sum()),
+        states=solution.evidence.resimulation_gap,
     )
 
 

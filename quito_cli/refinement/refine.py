@@ -163,16 +163,16 @@ def _step(
     worst = max((v.relative for v in evidence.violations), default=0.0)
     worst = max(worst, evidence.terminal_gap)
     record = Round(
-        solution.times,
-        int(solution.options["substeps"]),
-        solution.cost,
-        evidence.resimulated_cost,
-        evidence.resimulation_gap,
-        worst,
-        math.nan if last is None else change(solution, last),
-        blur(solution.junctions, size, float(solution.times[-1] - solution.times[0])),
-        -1 if statistics.iterations is None else statistics.iterations,
-        statistics.build_seconds + statistics.solve_seconds,
+        nodes=solution.times,
+        substeps=int(solution.options["substeps"]),
+        cost=solution.cost,
+        resimulated_cost=evidence.resimulated_cost,
+        gap=evidence.resimulation_gap,
+        violation=worst,
+        change=math.nan if last is None else change(solution, last),
+        blur=blur(solution.junctions, size, float(solution.times[-1] - solution.times[0])),
+        iterations=-1 if statistics.iterations is None else statistics.iterations,
+        seconds=statistics.build_seconds + statistics.solve_seconds,
     )
     return _Step(solution, record, errors, moved)
 

@@ -74,31 +74,29 @@ def evidence(
     gap, terminal = _gaps(model, trajectory.states, again, unit)
     nodes = dense.controls[:: len(method.fine)]
     ringing = _ringing(model, method, answer)
+    warned = nlp.notes + beyond_tables(model, dense)
+    why: tuple[str, ...] = ()
+    if failed:
+        why += diagnose(nlp, outcome, residuals, trajectory, nodes)
+        why += _missed(model, again, outcome.status, method.finer)
+    else:
+        warned += _warnings(found, gap, terminal, answer.cost, again, method.finer)
+        warned += _rings(model, dense.controls, ringing, method.calmer)
     return Evidence(
-        tolerance,
-        residuals.stationarity,
-        residuals.feasibility,
-        residuals.complementarity,
-        model.sense * answer.cost,
-        model.sense * again.cost,
-        gap,
-        again.accuracy,
-        terminal,
-        found,
-        tuple(float(v) for v in total_variation(dense.controls)),
-        ringing,
-        nlp.notes
-        + beyond_tables(model, dense)
-        + (
-            ()
-            if failed
-            else _warnings(found, gap, terminal, answer.cost, again, method.finer)
-            + _rings(model, dense.controls, ringing, method.calmer)
-        ),
-        diagnose(nlp, outcome, residuals, trajectory, nodes)
-        + _missed(model, again, outcome.status, method.finer)
-        if failed
-        else (),
+        tolerance=tolerance,
+        stationarity=residuals.stationarity,
+        feasibility=residuals.feasibility,
+        complementarity=residuals.complementarity,
+        recomputed_cost=model.sense * answer.cost,
+        resimulated_cost=model.sense * again.cost,
+        resimulation_gap=gap,
+        resimulation_accuracy=again.accuracy,
+        terminal_gap=terminal,
+        violations=found,
+        total_variation=tuple(float(v) for v in total_variation(dense.controls)),
+        ringing=ringing,
+        warnings=warned,
+        diagnosis=why,
     )
 
 

@@ -62,46 +62,29 @@ def extract(
     (start, end), pieces = answer.times, method.basis.pieces
     dense = np.linspace(start, end, max(SAVED_POINTS, 4 * pieces + 1))
     nodes, adjoint = _costates(nlp, outcome, answer)
+    ranges, coefficients = largest_bounds(*model.control_bounds), answer.control.coefficients
     solution = Solution(
-        _origin(problem, model),
-        dict(options),
-        outcome.status,
-        model.sense * answer.cost,
-        start + (end - start) * method.mesh.fractions,
-        answer.trajectory,
-        method.basis,
-        answer.control.coefficients,
-        answer.parameters,
-        nodes,
-        _multipliers(nlp, outcome),
-        {b.name: MultiplierAxes(start + (end - start) * b.fractions, b.labels) for b in nlp.blocks},
-        evidence(nlp, outcome, residuals, answer, judged),
-        Statistics(
-            outcome.iterations,
-            build_seconds + outcome.build_seconds,
-            outcome.solve_seconds,
-            len(outcome.w),
-            len(nlp.row_lower),
-            outcome.solver,
-            outcome.said,
-            "NLP" if nlp.nonlinearity else "QP",
-        ),
-        outcome.history,
-        dense,
-        _reference(model, dense),
-    )
-    return replace(
-        solution,
-        drawings=_drawings(model, solution),
+        origin=_origin(problem, model),
+        options=dict(options),
+        status=outcome.status,
+        cost=model.sense * answer.cost,
+        times=start + (end - start) * method.mesh.fractions,
+        trajectory=answer.trajectory,
+        basis=method.basis,
+        coefficients=coefficients,
+        parameters=answer.parameters,
+        costates=nodes,
+        multipliers=_multipliers(nlp, outcome),
+        multiplier_axes=_multiplier_axes(nlp, answer),
+        evidence=evidence(nlp, outcome, residuals, answer, judged),
+        statistics=_statistics(nlp, outcome, build_seconds),
+        history=outcome.history,
+        dense_times=dense,
+        reference=_reference(model, dense),
         adjoint=adjoint,
-        junctions=junctions(
-            method.basis,
-            method.mesh,
-            solution.coefficients,
-            answer.times,
-            largest_bounds(*model.control_bounds),
-        ),
+        junctions=junctions(method.basis, method.mesh, coefficients, answer.times, ranges),
     )
+    return replace(solution, drawings=_drawings(model, solution))
 
 
 def _answer(nlp: Nlp, outcome: Outcome) -> Answer:
@@ -184,17 +167,37 @@ def _multipliers(nlp: Nlp, outcome: Outcome) -> dict[str, Array]:
     return {b.name: unscaled[b.rows].reshape(-1, len(b.labels)) for b in nlp.blocks}
 
 
+def _multiplier_axes(nlp: Nlp, answer: Answer) -> dict[str, MultiplierAxes]:
+    start, end = answer.times
+    return {
+        b.name: MultiplierAxes(start + (end - start) * b.fractions, b.labels) for b in nlp.blocks
+    }
+
+
+def _statistics(nlp: Nlp, outcome: Outcome, build_seconds: float) -> Statistics:
+    return Statistics(
+        iterations=outcome.iterations,
+        build_seconds=build_seconds + outcome.build_seconds,
+        solve_seconds=outcome.solve_seconds,
+        unknowns=len(outcome.w),
+        constraints=len(nlp.row_lower),
+        solver=outcome.solver,
+        solver_said=outcome.said,
+        program="NLP" if nlp.nonlinearity else "QP",
+    )
+
+
 def _origin(problem: Problem, model: Model) -> Origin:
     return Origin(
-        problem.name,
-        problem.title,
-        problem.text,
-        problem.changes,
-        _quantities(model.states, model.state_bounds),
-        _quantities(model.controls, model.control_bounds),
-        _quantities(model.parameters, model.parameter_bounds),
-        not (model.initial_time.fixed and model.final_time.fixed),
-        model.sense < 0,
+        name=problem.name,
+        title=problem.title,
+        text=problem.text,
+        changes=problem.changes,
+        states=_quantities(model.states, model.state_bounds),
+        controls=_quantities(model.controls, model.control_bounds),
+        parameters=_quantities(model.parameters, model.parameter_bounds),
+        free_times=not (model.initial_time.fixed and model.final_time.fixed),
+        maximize=model.sense < 0,
     )
 
 
@@ -223,9 +226,9 @@ def _reference(model: Model, times: Array) -> ReferenceSamples | None:
     if known is None:
         return None
     return ReferenceSamples(
-        known.cost,
-        known.accuracy,
-        known.switching_times,
-        Known.sample(known.states, model.states, times),
-        Known.sample(known.controls, model.controls, times),
+        cost=known.cost,
+        accuracy=known.accuracy,
+        switching_times=known.switching_times,
+        states=Known.sample(known.states, model.states, times),
+        controls=Known.sample(known.controls, model.controls, times),
     )

@@ -182,15 +182,15 @@ def _read_origin(group: h5py.Group) -> Origin:
 
     attributes = group.attrs
     return Origin(
-        str(attributes["name"]),
-        str(attributes["title"]),
-        group["yaml"].asstr()[()],
-        tuple((key, value) for key, value in json.loads(attributes["changes"])),
-        quantities("state"),
-        quantities("control"),
-        quantities("parameter"),
-        bool(attributes["free_times"]),
-        bool(attributes["maximize"]),
+        name=str(attributes["name"]),
+        title=str(attributes["title"]),
+        text=group["yaml"].asstr()[()],
+        changes=tuple((key, value) for key, value in json.loads(attributes["changes"])),
+        states=quantities("state"),
+        controls=quantities("control"),
+        parameters=quantities("parameter"),
+        free_times=bool(attributes["free_times"]),
+        maximize=bool(attributes["maximize"]),
     )
 
 
@@ -214,14 +214,14 @@ def _read_evidence(group: h5py.Group, attributes: Mapping[str, Any]) -> Evidence
 def _read_statistics(attributes: Mapping[str, Any]) -> Statistics:
     iterations = int(attributes["iterations"])
     return Statistics(
-        None if iterations < 0 else iterations,
-        float(attributes["build_seconds"]),
-        float(attributes["solve_seconds"]),
-        int(attributes["unknowns"]),
-        int(attributes["constraints"]),
-        str(attributes["solver"]),
-        str(attributes["solver_said"]),
-        str(attributes.get("program", "NLP")),
+        iterations=None if iterations < 0 else iterations,
+        build_seconds=float(attributes["build_seconds"]),
+        solve_seconds=float(attributes["solve_seconds"]),
+        unknowns=int(attributes["unknowns"]),
+        constraints=int(attributes["constraints"]),
+        solver=str(attributes["solver"]),
+        solver_said=str(attributes["solver_said"]),
+        program=str(attributes.get("program", "NLP")),
     )
 
 

@@ -58,16 +58,16 @@ def solve(program: Program, request: Request) -> Outcome:
         status = Status.INTERRUPTED
     unknowns, rows = len(program.guess), len(program.row_lower)
     return Outcome(
-        status,
-        np.array(point.get("x", program.guess)).ravel(),
-        np.array(point.get("lam_a", np.zeros(rows))).ravel(),
-        np.array(point.get("lam_x", np.zeros(unknowns))).ravel(),
-        count_of(row, statistics),
-        {},
-        built - started,
-        solved - built,
-        said,
-        row.name,
+        status=status,
+        w=np.array(point.get("x", program.guess)).ravel(),
+        lam_g=np.array(point.get("lam_a", np.zeros(rows))).ravel(),
+        lam_w=np.array(point.get("lam_x", np.zeros(unknowns))).ravel(),
+        iterations=count_of(row, statistics),
+        history={},
+        build_seconds=built - started,
+        solve_seconds=solved - built,
+        said=said,
+        solver=row.name,
     )
 
 

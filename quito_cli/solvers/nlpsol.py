@@ -82,16 +82,16 @@ def solve(program: Program, request: Request) -> Outcome:
         point = watch.best[2]
     found = {name: np.array(point[name]).ravel() for name in ("x", "lam_x", "lam_g")}
     return Outcome(
-        status,
-        found["x"],
-        found["lam_g"],
-        found["lam_x"],
-        count_of(row, statistics),
-        _history(statistics.get("iterations", {}), program.cost_scale),
-        built - started,
-        solved - built,
-        said,
-        row.name,
+        status=status,
+        w=found["x"],
+        lam_g=found["lam_g"],
+        lam_w=found["lam_x"],
+        iterations=count_of(row, statistics),
+        history=_history(statistics.get("iterations", {}), program.cost_scale),
+        build_seconds=built - started,
+        solve_seconds=solved - built,
+        said=said,
+        solver=row.name,
     )
 
 

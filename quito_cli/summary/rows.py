@@ -16,11 +16,20 @@ if TYPE_CHECKING:
 
 def summary_rows(solution: Solution, *, verbose: bool) -> list[tuple[str, str]]:
     """Return cost, method and evidence; with `verbose` also what the certificate does not say."""
-    return [*_figures(solution), *pontryagin_rows(solution, verbose=verbose)]
+    return [
+        *_solve_rows(solution),
+        *_evidence_rows(solution),
+        *junction_rows(solution),
+        *arc_rows(solution),
+        *mesh_rows(solution),
+        *polish_rows(solution),
+        *pontryagin_rows(solution, verbose=verbose),
+    ]
 
 
-def _figures(solution: Solution) -> list[tuple[str, str]]:
-    evidence, statistics = solution.evidence, solution.statistics
+def _solve_rows(solution: Solution) -> list[tuple[str, str]]:
+    """Return what was found, and how; what the problem left free, and what was set beside it."""
+    statistics = solution.statistics
     iterations = "unknown" if statistics.iterations is None else str(statistics.iterations)
     times = (
         f"{iterations}, built in {_seconds(statistics.build_seconds)}, "
@@ -41,13 +50,18 @@ def _figures(solution: Solution) -> list[tuple[str, str]]:
     if solution.origin.changes:
         changes = (f"{name} = {value}" for name, value in solution.origin.changes)
         rows.append(("set", ", ".join(changes)))
+    return rows
+
+
+def _evidence_rows(solution: Solution) -> list[tuple[str, str]]:
+    evidence = solution.evidence
     largest = max(evidence.stationarity, evidence.feasibility, evidence.complementarity)
     judged = f"judged at {10 * evidence.tolerance:.0e}"
     again = (
         f"cost {evidence.resimulated_cost:.9g}, states within {evidence.resimulation_gap:.1e} "
         "of their size"
     )
-    rows += [
+    rows = [
         ("residuals", f"{largest:.1e} first-order and feasibility, {judged}"),
         ("re-simulated", again),
     ]
@@ -59,12 +73,10 @@ def _figures(solution: Solution) -> list[tuple[str, str]]:
         ("total variation", evidence.total_variation),
         ("ringing index", evidence.ringing),
     ):
-        if not names:
-            continue
-        pairs = zip(names, values, strict=True)
-        rows.append((label, ", ".join(f"{name} {value:.3g}" for name, value in pairs)))
-    rows += [*junction_rows(solution), *arc_rows(solution), *mesh_rows(solution)]
-    return [*rows, *polish_rows(solution)]
+        pairs = [f"{name} {value:.3g}" for name, value in zip(names, values, strict=True)]
+        if pairs:
+            rows.append((label, ", ".join(pairs)))
+    return rows
 
 
 def _cost(solution: Solution) -> str:

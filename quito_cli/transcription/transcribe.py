@@ -106,19 +106,19 @@ def transcribe(
     terms = tuple(replace(term, weights=scale * term.weights) for term in program.terms)
     row_lower, row_upper, row_scale = program.book.gathered()
     return Nlp(
-        assemble(terms, layout.size, row_scale),
-        terms,
-        lower / unit,
-        upper / unit,
-        start,
-        row_lower,
-        row_upper,
-        tuple(program.book.blocks),
-        unit,
-        row_scale,
-        scale,
-        tuple(note.message for note in guess.notes),
-        Transcription(model, method, layout, dynamics),
+        assembled=assemble(terms, layout.size, row_scale),
+        terms=terms,
+        lower=lower / unit,
+        upper=upper / unit,
+        guess=start,
+        row_lower=row_lower,
+        row_upper=row_upper,
+        blocks=tuple(program.book.blocks),
+        unit=unit,
+        row_scale=row_scale,
+        objective_scale=scale,
+        notes=tuple(note.message for note in guess.notes),
+        transcription=Transcription(model, method, layout, dynamics),
     )
 
 

@@ -25,6 +25,12 @@ class Line:
 Section = tuple[str, list[Line]]
 
 
+def side_by_side(texts: Sequence[str], latex: bool) -> Line:
+    """Write things on one line, with commas between them."""
+    commas = [text + "," for text in texts[:-1]]
+    return Line((*commas, *texts[-1:]), gap=r" \quad " if latex else "  ")
+
+
 def _broken(line: Line) -> list[str]:
     """Break a line between its terms where it gets too long; the first part carries the head."""
     room = _WIDTH - _MARGIN - _width(line.head)
