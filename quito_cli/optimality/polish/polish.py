@@ -23,8 +23,9 @@ from quito_cli.optimality.hamiltonian import pontryagin
 from quito_cli.optimality.look import Look
 from quito_cli.optimality.parted import parted
 from quito_cli.optimality.polish.answer import answer, answer_of_parts
+from quito_cli.optimality.polish.attempts import Ending, Log
 from quito_cli.optimality.polish.direct import Direct
-from quito_cli.optimality.polish.search import Ending, Log, search
+from quito_cli.optimality.polish.search import search
 from quito_cli.optimality.polish.setting import Setting, UnsupportedError
 from quito_cli.optimality.polish.written import exact
 from quito_cli.optimality.probes import TooLargeError
@@ -87,7 +88,7 @@ def sought(model: Model, direct: Solution, log: Log) -> Ending:
             setting = Setting(pontryagin(model))
             with np.errstate(all="ignore"):
                 near = Direct(setting, direct, Look.at(setting.system, direct))
-                ended = search(near, log, time.perf_counter() + _patience(direct))
+                ended = search(near, log, time.thread_time() + _patience(direct))
         except TooLargeError:
             reason = "its formulas are too long to be worked on"
             ended = Ending(PolishStatus.NOT_DERIVED, reason)
