@@ -19,6 +19,7 @@ _SHADES = {
     "lower": "var(--arc-bound)",
     "upper": "var(--arc-bound)",
     "singular": "var(--arc-singular)",
+    "kink": "var(--arc-singular)",
     "active": "var(--arc-active)",
     "zone": "var(--arc-bound)",
 }

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from quito_cli.optimality.apart import concave, faithful, merged_extremal, split_answer
 from quito_cli.optimality.conditions import (
     costate_equation,
     hamiltonian,
@@ -32,6 +33,7 @@ from quito_cli.optimality.conditions_of_switching import (
 )
 from quito_cli.optimality.hamiltonian import Pontryagin, pontryagin
 from quito_cli.optimality.look import Look
+from quito_cli.optimality.parted import parted
 from quito_cli.optimality.probes import TooLargeError
 from quito_cli.optimality.verdicts import not_applicable
 from quito_cli.problem.build import KEPT
@@ -66,7 +68,21 @@ ALL = "Pontryagin's conditions"
 
 
 def certify(model: Model, solution: Solution) -> Extremal:
-    """Return arcs, certificate and curves of an answer to the problem of `model`."""
+    """Return arcs, certificate and curves of an answer to the problem of `model`.
+
+    Controls with kinks are judged in parts. Where H is concave at a kink more is asked of parts
+    than of controls: then what they do not meet is judged of the controls.
+    """
+    parts = parted(model) if solution.success else None
+    if parts is None or not faithful(parts, solution):
+        return _certified(model, solution)
+    found = _certified(parts.model, split_answer(parts, solution))
+    if any(row.verdict == "fails" for row in found.certificate) and concave(parts, solution):
+        return _certified(model, solution)
+    return merged_extremal(parts, found)
+
+
+def _certified(model: Model, solution: Solution) -> Extremal:
     if not solution.success:
         return _nothing(f"the answer is none: {solution.status.value}")
     if not np.isfinite(solution.costates).all():

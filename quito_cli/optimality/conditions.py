@@ -173,7 +173,12 @@ def hamiltonian(look: Look) -> Iterator[Condition]:
     h, t = look.point.hamiltonian, look.flow.t
     if timely:
         h = h - look.moved
-    off = np.where(calm, h - median(h[calm]), 0.0)
+    # Where formulas jump, H does: it is looked at between.
+    spells = np.searchsorted(look.breaks, t) if timely else np.zeros(len(t))
+    off = np.zeros(len(t))
+    for spell in np.unique(spells[calm]):
+        own = calm & (spells == spell)
+        off[own] = h[own] - median(h[own])
     yield judged(
         name,
         off,

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.optimality.arcs import arcs
+from quito_cli.optimality.breaks import breaks
 from quito_cli.optimality.controls import Controls, controls
 from quito_cli.optimality.crossings import sharpened
 from quito_cli.optimality.dilation import dilated, positive
@@ -86,6 +87,12 @@ class Look:
     def names(self) -> tuple[str, ...]:
         """Labels of the controls."""
         return labels(self.system.model.controls)
+
+    @cached_property
+    def breaks(self) -> tuple[float, ...]:
+        """Known times at which formulas jump."""
+        start, end = (float(t) for t in self.solution.times[[0, -1]])
+        return breaks(self.system, self.probe, start, end)
 
     @cached_property
     def point(self) -> Point:
