@@ -263,7 +263,11 @@ def test_the_readme_leads_to_the_guide() -> None:
     assert {f"problems/{name}" for name in PAGES} <= set(targets)
     assert "problems/flow.svg" in targets
     for target in targets:
-        assert (ROOT / target).is_file(), target
+        page, _, place = target.partition("#")
+        assert (ROOT / page).is_file(), target
+        if place:
+            heads = re.findall(r"^#+ (.+)$", (ROOT / page).read_text(encoding="utf-8"), re.M)
+            assert place in {head.lower().replace(" ", "-") for head in heads}, target
 
 
 def families() -> list[tuple[str, list[str], list[str]]]:
