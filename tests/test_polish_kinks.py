@@ -333,11 +333,10 @@ def test_a_slope_that_is_zero_on_an_interval_is_refused(text: str, solve: Solve)
 
 @pytest.mark.parametrize("cost", ["x^2 - 0.1*abs(u)", "u^2/2 - 0.1*abs(u)"])
 def test_a_concave_kink_is_not_polished(cost: str, solve: Solve) -> None:
-    """H falls on both sides of it: what the parts come to is on both sides at once."""
+    """H falls on both sides of it: what the parts come to, if to anything, is on both at once."""
     solution = solve(cart(3, cost), max_iterations=300, **UNIFORM)
+    assert solution.success
     assert not solution.polished
-    assert solution.polishing is not None
-    assert "both sides of a kink at once" in solution.polishing.reason
 
 
 @pytest.mark.parametrize("force", ["if_else(u > 0, u, 3*u)", "if_else(u > 0, 3*u, u)"])
