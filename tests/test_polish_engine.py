@@ -123,7 +123,7 @@ def test_what_is_cut_merges_to_what_it_was(time: float) -> None:
 @given(TIMES, TIMES)
 def test_a_change_is_where_it_was_asked_for(one: float, other: float) -> None:
     start, end = sorted((one, other))
-    if start == end:
+    if end - start < 1e-12:  # the middle may be one of them
         return
     changed = Structure((LOW,), (0.0, 1.0)).changed(start, end, lambda _: HIGH)
     assert changed.phase_at((start + end) / 2) == 1

@@ -15,8 +15,8 @@ from polish_parts import Guess, phase, setting_of, solved
 
 from quito_cli.optimality.polish.adjoining import adjoined, atoms
 from quito_cli.optimality.polish.dense import Dense
-from quito_cli.optimality.polish.fault import What
-from quito_cli.optimality.polish.faults import OFFSETS, faults
+from quito_cli.optimality.polish.fault import OFFSETS, What
+from quito_cli.optimality.polish.faults import faults
 from quito_cli.optimality.polish.faults_of_curvature import legendre
 from quito_cli.optimality.polish.structure import Structure
 

@@ -11,9 +11,9 @@ from polish_parts import phase
 import quito_cli as quito
 from quito_cli.optimality.hamiltonian import pontryagin
 from quito_cli.optimality.look import Look
+from quito_cli.optimality.polish.attempts import Ending, Log
 from quito_cli.optimality.polish.direct import Direct
 from quito_cli.optimality.polish.polish import sought
-from quito_cli.optimality.polish.search import Ending, Log
 from quito_cli.optimality.polish.setting import Setting
 from quito_cli.optimality.polish.shown import shown
 from quito_cli.optimality.polish.structure import Structure

@@ -127,6 +127,11 @@ REVISIONS = {
         Structure((LOW, PLAIN), (0, 1.1, 1)), fault("vanished", 0, 0, phase=1), (LOW,), (0, 1),
         "drop",
     ),
+    "a sign that is wrong beside a switch": Case(
+        Structure((LOW, PLAIN), (0, 0.4, 1)),
+        fault("sign", 0.4, 0.5, phase=1, control=0, upper=True),
+        (LOW, phase("singular", "free", "lower"), PLAIN), (0, 0.4, 0.5, 1), "insert",
+    ),
     "an arc of order two that vanished": Case(
         Structure((PLAIN, ARC, PLAIN), (0, 0.5, 0.5, 1)), fault("vanished", 0, 0, phase=1),
         (PLAIN, PLAIN), (0, 0.5, 1), "drop", ((1, X),),
@@ -150,8 +155,8 @@ NOTHING = {
     "at an end": (one(PLAIN), fault("end", 0, 0)),
     "what the phase does already": (one(HIGH), fault("beyond", 0, 1, control=1, upper=True)),
     "a junction moved": (
-        Structure((LOW, PLAIN), (0, 0.4, 1)),
-        fault("sign", 0.4, 0.5, phase=1, control=0, upper=True),
+        Structure((HIGH, PLAIN), (0, 0.4, 1)),
+        fault("beyond", 0.4, 0.5, phase=1, control=1, upper=True),
     ),
 }
 

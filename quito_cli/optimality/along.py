@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from quito_cli.optimality.breaks import OFF
 from quito_cli.optimality.flow import Carrier, Flow, Impulses
 from quito_cli.optimality.hamiltonian import Pontryagin, sampled
 from quito_cli.optimality.impulses import stacked
@@ -86,7 +87,10 @@ def at_offsets(solution: Solution, offsets: Array) -> Sampled:
         for curve in (solution.trajectory, adjoint, given.curve)
     )
     u = solution.basis.evaluate(solution.coefficients, *mesh.points(offsets))
-    return Sampled((solution.times[:-1, None] + steps * offsets).ravel(), x, costate, u, mu)
+    t = solution.times[:-1, None] + steps * offsets
+    off = OFF * np.abs(solution.times).max()  # at a node formulas may jump
+    t = np.clip(t, solution.times[:-1, None] + off, solution.times[1:, None] - off)
+    return Sampled(t.ravel(), x, costate, u, mu)
 
 
 def places(degree: int) -> Array:

@@ -62,6 +62,8 @@ def transversal(look: Look) -> Iterator[Condition]:
     if m.n_p:
         size_p = np.maximum(np.abs(of_p - f.by_parameters), np.abs(f.by_parameters))
         size_p = np.maximum(size_p, _parameter_sizes(look))
+        terms = ends.parameter_terms(x[0], t[0], x[-1], t[-1], p, look.impulses.boundary)
+        size_p = np.maximum(size_p, np.array(terms).ravel())
         freedoms = ends.parameters
         yield from _end("parameter", freedoms, of_p, p, m.parameter_bounds, size_p,
                         labels(m.parameters), look, 0)  # fmt: skip

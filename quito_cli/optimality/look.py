@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.optimality.arcs import arcs
+from quito_cli.optimality.breaks import breaks
 from quito_cli.optimality.controls import Controls, controls
 from quito_cli.optimality.crossings import sharpened
 from quito_cli.optimality.dilation import dilated, positive
@@ -23,7 +24,7 @@ from quito_cli.optimality.explained import Explained
 from quito_cli.optimality.flow import LEAST_STEPS, Carrier, Flow, Impulses, flow
 from quito_cli.optimality.hamiltonian import Point, Pontryagin, sampled
 from quito_cli.optimality.impulses import impulses, row_rates
-from quito_cli.optimality.marks import Looked, at_bounds, marked
+from quito_cli.optimality.marks import AT_BOUND, Looked, at_bounds, marked
 from quito_cli.optimality.panels import Panels, panels, substeps
 from quito_cli.optimality.pressing import pressed_gradient
 from quito_cli.optimality.probes import Probe
@@ -88,6 +89,12 @@ class Look:
         return labels(self.system.model.controls)
 
     @cached_property
+    def breaks(self) -> tuple[float, ...]:
+        """Known times at which formulas jump."""
+        start, end = (float(t) for t in self.solution.times[[0, -1]])
+        return breaks(self.system, self.probe, start, end)
+
+    @cached_property
     def point(self) -> Point:
         """Pontryagin's system at the middles of panels, without multipliers of rows."""
         f = self.flow
@@ -138,6 +145,11 @@ class Look:
             wide = upper - lower
         moved = ranges(self.flow.u, largest_bounds(lower, upper))
         return np.where(np.isfinite(wide) & (wide > 0), wide, moved)
+
+    @property
+    def reach(self) -> Array:
+        """How far controls may be from where they are said to be, (n_u,)."""
+        return np.asarray(AT_BOUND * self.spans)
 
     @cached_property
     def seen(self) -> Looked:

@@ -38,6 +38,8 @@ AT_BOUND = 1e-9
 SHORTEST = 1e-6
 """Part of the horizon that the defect of a panel counts as the rate of, at least: in shorter ones
 the rounding of states would be all there is."""
+ROUNDING = 1e-13
+"""Part of the largest time that a junction may be beside a time at which formulas jump."""
 SLIGHT = 1e-3
 """Part of the largest effect on costates that multipliers are judged beside, at least."""
 
@@ -71,6 +73,11 @@ class Polished(Look):
         lower, upper = self.system.model.control_bounds
         u, reach = self.flow.u, AT_BOUND * self.spans
         return np.asarray((u >= upper - reach) * 1.0 - (u <= lower + reach) * 1.0)
+
+    @property
+    def reach(self) -> Array:
+        """Controls are where they are said to be, (n_u,)."""
+        return np.zeros(len(self.names))
 
     @cached_property
     def active(self) -> NDArray[np.int_]:
@@ -187,6 +194,7 @@ def _signs(look: Polished, name: str, own: slice, never: str) -> Condition:
 def arcs_kept(look: Look) -> Iterator[Condition]:
     """Arcs end at nodes, and controls and constraints are in them what they say."""
     assert isinstance(look, Polished)
+    yield from _breaks_kept(look)
     name = "controls and constraints are what their arcs say"
     held = list(_held(look))
     if not held:
@@ -202,6 +210,18 @@ def arcs_kept(look: Look) -> Iterator[Condition]:
         lambda: 0.0,
         held[int(np.argmax(off.max(axis=0)))][0].of,
     )
+
+
+def _breaks_kept(look: Polished) -> Iterator[Condition]:
+    """Formulas jump at nodes alone: inside a cell a jump may be between all that is looked at."""
+    if not look.breaks:
+        return
+    nodes, t = look.solution.times, np.array(look.breaks)
+    missed = np.abs(nodes[:, None] - t).min(axis=0)
+    reach = ROUNDING * float(np.abs(nodes).max())
+    missed = np.where(missed <= reach, 0.0, np.maximum(missed / np.ptp(nodes), 2 * SOLVED))
+    name = "formulas of time jump at junctions"
+    yield judged(name, missed, 1.0, t, SOLVED, lambda: 0.0, "the nearest junction")
 
 
 def _off(look: Polished, arc: Arc, distance: Array) -> Array:

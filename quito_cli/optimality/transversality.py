@@ -78,6 +78,22 @@ class Transversality:
         given = [*inputs, self.boundary_multipliers]
         return ca.Function("transversality", given, whole.call([*given, ca.SX(k.values)]))
 
+    @cached_property
+    def parameter_terms(self) -> ca.Function:
+        """(x₀, t₀, x_f, t_f, p, ω) ↦ Σ |M_pz| |z| over all ends and parameters z, (n_p, 1).
+
+        Which is what M_p is made of: it may be zero itself.
+        """
+        import casadi as ca
+
+        m, ends, k = self.system.model, self.system.model.ends, self.system.constants
+        symbols = [ends.x0, ends.t0, ends.xf, ends.tf, m.p]
+        z, slope = ca.vertcat(*symbols), ca.gradient(self.end_function, m.p)
+        terms = ca.densify(ca.fabs(ca.jacobian(slope, z)) @ ca.fabs(z))
+        inputs = [*symbols, self.boundary_multipliers]
+        whole = ca.Function("terms", [*inputs, k.symbols], [terms])
+        return ca.Function("terms", inputs, whole.call([*inputs, ca.SX(k.values)]))
+
 
 def point_jumps(system: Pontryagin) -> tuple[ca.Function, ...]:
     """Return arguments ↦ value (rows, 1) and gradients (n_x, rows), for each point constraint.

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from quito_cli.solution.groups import Attributes, Group, texts
 from quito_cli.solution.optimal import Arc, Condition, Extremal
-from quito_cli.solution.polish_file import write_densities, write_polishing
-from quito_cli.solution.rounds import Refinement, Round
 from quito_cli.solution.solution import Drawing, Evidence, Solution
 from quito_cli.solution.trajectory import Polynomials, Trajectory
 from quito_cli.transcription.control import ControlBasis
 
 if TYPE_CHECKING:
     import h5py
+
+    from quito_cli.solution.rounds import Refinement
 
 Array = NDArray[np.float64]
 
@@ -58,10 +58,7 @@ def write(file: h5py.File, solution: Solution) -> None:
         _write_refinement(Group(file, "refinement"), solution.refinement)
     if solution.extremal is not None:
         _write_extremal(Group(file, "optimality"), solution.extremal)
-    if solution.polishing is not None:
-        write_polishing(Group(file, "polishing"), solution.polishing)
-    if solution.densities is not None:
-        write_densities(Group(file, "densities"), solution.densities)
+    _write_polish(file, solution)
     multipliers = Group(file, "multipliers")
     for name, values in sorted(solution.multipliers.items()):
         key = name.replace(" ", "_")
@@ -171,7 +168,21 @@ def _write_junctions(into: Group, solution: Solution) -> None:
         into.data(name, np.array([getattr(j, name) for j in found], dtype=float), "time")
 
 
+def _write_polish(file: h5py.File, solution: Solution) -> None:
+    """Write the account of a polish, and the multipliers of what it found, where they are."""
+    if solution.polishing is None and solution.densities is None:
+        return
+    from quito_cli.solution.polish_file import write_densities, write_polishing
+
+    if solution.polishing is not None:
+        write_polishing(Group(file, "polishing"), solution.polishing)
+    if solution.densities is not None:
+        write_densities(Group(file, "densities"), solution.densities)
+
+
 def _write_refinement(into: Group, refinement: Refinement) -> None:
+    from quito_cli.solution.rounds import Round
+
     rounds, account = refinement.rounds, refinement.account
     into.attributes["kept"], into.attributes["outcome"] = refinement.kept, refinement.outcome
     into.axis("round", np.arange(len(rounds)))

@@ -32,10 +32,14 @@ value problem of Pontryagin's conditions.
                      adjoining  its multipliers of direct adjoining
                      fault      an inequality that does not hold
                      faults     all of them: faults_of_controls, faults_of_rows,
-                                faults_of_curvature, limits
-                     focal      whether the extremal is isolated
+                                faults_of_curvature, faults_of_formulas, limits
+                     lengths    whether brief arcs are there
+        focal      whether the extremal is isolated
                      revise     the structure that a fault asks for
-                     search     solved, looked at, revised, until nothing is wrong
+        parting    junctions at which several things change, taken apart
+                     attempts   what a search is made of
+        mending    what to try after a structure that does not fit
+        search     solved, looked at, revised, until nothing is wrong
 
     the answer       exact      an extremal as polynomials
                      written    what was solved as one

@@ -15,9 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.optimality.polish.dense import Dense
+from quito_cli.optimality.polish.flow import inputs
 from quito_cli.optimality.polish.structure import Held
 
 Array = NDArray[np.float64]
+
+ROUNDING = 1e-11
+"""Part of its size by which a multiplier may differ on both sides of a junction and be the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,20 +62,35 @@ def adjoined(dense: Dense, k: int) -> dict[Held, Adjoined]:
     system, piece = dense.system, dense.known[k]
     law, slopes = system.laws[k], system.method.known.differentiation
     h = np.diff(dense.at.phases[k].fractions)[:, None] * dense.lengths[k]
-    found = {}
+    rates, found = _rates(dense, k), {}
     for j, held in enumerate(law.held):
-        parts = [piece.z[..., len(law.between) + j]]
-        for _ in range(system.setting.active(held).order or 0):
-            parts.append(-(parts[-1] @ slopes.T) / h)
+        place = len(law.between) + j
+        parts = [piece.z[..., place]]
+        for i in range(system.setting.active(held).order or 0):
+            parts.append(-(parts[-1] @ slopes.T) / h if i else -rates[..., place])
         zeta = np.stack(parts[-2::-1], axis=-1) if parts[1:] else np.zeros((*piece.t.shape, 0))
         found[held] = Adjoined(zeta, parts[-1])
     return found
 
 
-def atoms(dense: Dense) -> Iterator[Atom]:
-    """Give the atoms of state constraints: where arcs begin and end, and at touches.
+def _rates(dense: Dense, k: int) -> Array:
+    """Return z' of phase k at `Gauss.known`, (K, m, n_z), by the law: z_v v'.
 
-    Where an arc begins π_i − ζ_i, where it ends ζ_i: i = 0 is the atom, the others vanish.
+    On a brief arc the derivative of a polynomial would be rounding.
+    """
+    system, (t, y, z, _) = dense.system, dense.known[k].flat()
+    law, two = system.laws[k], 2 * system.layout.states
+    v = inputs(t, y, dense.at.shared, system.layout)
+    settled, rates = law.settled(v, z), law.values(v, z).rates[:, :two]
+    found = np.einsum("nzy,ny->nz", settled.by_v[..., :two], rates) + settled.by_v[..., two]
+    return np.asarray(found.reshape(dense.known[k].z.shape))
+
+
+def atoms(dense: Dense) -> Iterator[Atom]:
+    """Give the atoms of state constraints: where arcs begin, go on and end, and at touches.
+
+    Where an arc begins π_i − ζ_i, where it ends ζ_i: i = 0 is the atom, the others vanish. Where
+    another control jumps on it, or a formula, ζ_i may: what it falls by.
     """
     structure = dense.system.structure
     parts = [adjoined(dense, k) for k in range(len(structure.phases))]
@@ -79,6 +98,8 @@ def atoms(dense: Dense) -> Iterator[Atom]:
         yield from _begun(dense, k, parts[k] if k < len(parts) else {})
         if k:
             yield from _ended(dense, k, parts[k - 1])
+        if 0 < k < len(parts):
+            yield from _gone_on(k, parts[k - 1], parts[k])
 
 
 def _begun(dense: Dense, k: int, after: dict[Held, Adjoined]) -> Iterator[Atom]:
@@ -89,6 +110,16 @@ def _begun(dense: Dense, k: int, after: dict[Held, Adjoined]) -> Iterator[Atom]:
             arc = jump.held in after and (k, jump.held) not in touches
             zeta = after[jump.held].zeta[0, 0] if arc else np.zeros(len(pi))
             yield _atom(k, jump.held, pi - zeta, float(np.abs(pi).max()))
+
+
+def _gone_on(k: int, before: dict[Held, Adjoined], after: dict[Held, Adjoined]) -> Iterator[Atom]:
+    for held in before.keys() & after.keys():
+        zeta, then = before[held].zeta, after[held].zeta
+        if zeta.shape[2]:
+            scale = float(max(np.abs(zeta).max(), np.abs(then).max()))
+            falls = zeta[-1, -1] - then[0, 0]
+            if np.abs(falls).max() > ROUNDING * scale:
+                yield _atom(k, held, falls, scale)
 
 
 def _ended(dense: Dense, k: int, before: dict[Held, Adjoined]) -> Iterator[Atom]:

@@ -83,7 +83,7 @@ class Dense:
     def piece(self, k: int, offsets: Array) -> Piece:
         """Return a phase at offsets of every segment."""
         segments, law, method = self.at.phases[k], self.system.laws[k], self.system.method
-        t = segments.times(offsets, self.times[k], self.times[k + 1])
+        t = self.system.inside(k, segments.times(offsets, self.times[k], self.times[k + 1]))
         y = np.einsum("mj,kjy->kmy", method.known.weights(offsets), segments.known)
         nearest = np.abs(offsets[:, None] - method.points).argmin(axis=1)
         estimate = segments.inner[:, nearest]

@@ -2,11 +2,14 @@
 
     a phase has no length                                        its arcs are too many
     (H + ηᵀC)_u ≥ 0 at lower bounds, ≤ 0 at upper ones           an arc is missing
+    its derivative where it is zero at an end of the horizon     the same
     lower ≤ u ≤ upper where it is free or singular               an arc at a bound is missing
     rows that are not held are within their bounds               an arc of theirs is missing
+    S'' ≤ 0 at the touch of an upper bound, ≥ 0 of a lower one   it is an arc
     η ≥ 0 of rows held at upper bounds, ≤ 0 at lower ones; of a state constraint of order q
     (−1)^q dη^q/dt^q likewise, and the atoms where it begins     it does not hold there
     H_uu positive semidefinite among free controls, (−1)^q A among singular ones (Legendre, Clebsch)
+    no formula jumps inside an arc                               what is solved is another problem
     multipliers of what holds at the ends have their signs, and what does not hold is within bounds
 
 Each is looked at between the points of the segments too.
@@ -18,24 +21,23 @@ from collections.abc import Callable, Iterator
 from itertools import chain
 from typing import Final
 
-import numpy as np
-
 from quito_cli.optimality.polish.dense import Dense, Piece
-from quito_cli.optimality.polish.fault import Fault
-from quito_cli.optimality.polish.faults_of_controls import beyond, signs
+from quito_cli.optimality.polish.fault import OFFSETS, Fault
+from quito_cli.optimality.polish.faults_of_controls import beyond, signs, slopes_at_ends
 from quito_cli.optimality.polish.faults_of_curvature import chattering, clebsch, legendre
-from quito_cli.optimality.polish.faults_of_rows import atoms_of, pulls, violated
+from quito_cli.optimality.polish.faults_of_formulas import jumping
+from quito_cli.optimality.polish.faults_of_rows import atoms_of, bends, pulls, violated
 from quito_cli.optimality.polish.limits import limits
 from quito_cli.optimality.polish.minimum import lesser
 
 EMPTY = 1e-9
 """Part of the horizon that is no length."""
-OFFSETS = np.linspace(0.0, 1.0, 25)
-"""Where every segment is looked at."""
 FAMILIES: Final[tuple[Callable[[Dense, tuple[Piece, ...]], Iterator[Fault]], ...]] = (
     signs,
+    slopes_at_ends,
     beyond,
     violated,
+    bends,
     chattering,
     pulls,
     atoms_of,
@@ -43,6 +45,7 @@ FAMILIES: Final[tuple[Callable[[Dense, tuple[Piece, ...]], Iterator[Fault]], ...
     clebsch,
     limits,
     lesser,
+    jumping,
 )
 """What is looked at, given an extremal and its phases at `OFFSETS`."""
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.optimality.polish.dense import Dense, Piece
-from quito_cli.optimality.polish.fault import SLIGHT, Fault, runs
+from quito_cli.optimality.polish.fault import SLIGHT, Fault, finely, runs
 
 Array = NDArray[np.float64]
 
@@ -75,5 +75,5 @@ def _least(matrix: Array, normals: Array) -> Array:
 
 def _bent(least: Array, matrix: Array, piece: Piece, k: int, what: str) -> Iterator[Fault]:
     wrong = -least / max(float(np.abs(matrix).max()), 1e-300) - SLIGHT
-    for run in runs(wrong, piece.t.ravel()):
+    for run in runs(*finely(wrong, piece.t.ravel())):
         yield Fault("curvature", run.start, run.end, run.amount, f"{what} {run.when}", k)

@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 from quito_cli.optimality.hamiltonian import Row
 from quito_cli.optimality.polish.adjoining import adjoined, atoms
 from quito_cli.optimality.polish.dense import Dense, Piece
-from quito_cli.optimality.polish.fault import SLIGHT, Fault, runs
+from quito_cli.optimality.polish.fault import FINELY, OFFSETS, SLIGHT, Fault, finely, runs
 from quito_cli.optimality.polish.structure import Held
 
 Array = NDArray[np.float64]
 
 ROUGH = 1e-5
 """Wrong by this much is rounding, where polynomials are differentiated."""
+BESIDE = 0.01
+"""Part of the shorter phase beside a touch that an arc in its place is to start with."""
 ATOM = 1e-6
 """Wrong by this much of its scale is rounding, of an atom."""
 
@@ -49,11 +51,10 @@ def violated(dense: Dense, pieces: tuple[Piece, ...]) -> Iterator[Fault]:
             yield from _rests(dense, given, over, (i, upper))
             free = np.array([(i, upper) not in phase.held for phase in phases])[given.phase]
             wrong = np.where(free & np.isfinite(over), over - SLIGHT, -1.0)
-            for run in runs(wrong, given.t):
+            for run in runs(*finely(wrong, given.t)):
                 says = f"{row.label} would be violated {run.when}"
-                yield _violation(
-                    run.start, run.end, run.amount, says, int(given.phase[run.worst]), (i, upper)
-                )
+                phase = int(given.phase[run.worst // len(FINELY) * len(OFFSETS)])
+                yield _violation(run.start, run.end, run.amount, says, phase, (i, upper))
 
 
 def _violation(start: float, end: float, amount: float, says: str, phase: int, held: Held) -> Fault:
@@ -88,6 +89,25 @@ def _rests(dense: Dense, given: _Along, over: Array, held: Held) -> Iterator[Fau
             yield _violation(start, end, 1.0, says, k, held)
 
 
+def bends(dense: Dense, pieces: tuple[Piece, ...]) -> Iterator[Fault]:
+    """Give touches that are none: S'' has the sign with which S leaves its bound on both sides."""
+    setting, structure = dense.system.setting, dense.system.structure
+    for k, held in structure.touches:
+        if not 0 < k < len(structure.phases):
+            continue
+        known, sign = setting.active(held), 1.0 if held[1] else -1.0
+        second = (*known.derivatives, known.held)[2]
+        function = setting.system.function("bend", [second])
+        before, after = (dense.along(function, j, pieces[j])[0][:, 0] for j in (k - 1, k))
+        size = max(float(np.abs(own).max()) for own in (before, after)) or 1.0
+        amount = sign * max(before[-1], after[0]) / size
+        if amount > SLIGHT:
+            time, spell = float(dense.times[k]), BESIDE * float(dense.lengths[k - 1 : k + 1].min())
+            label = setting.system.rows[held[0]].label
+            says = f"{label} would be violated beside its touch at {time:.6g}"
+            yield _violation(time, time + spell, float(amount), says, k, held)
+
+
 def pulls(dense: Dense, pieces: tuple[Piece, ...]) -> Iterator[Fault]:
     """Give where the multiplier of a row that is held has the wrong sign."""
     setting, known = dense.system.setting, dense.system.method.known
@@ -100,7 +120,7 @@ def pulls(dense: Dense, pieces: tuple[Piece, ...]) -> Iterator[Fault]:
                 continue
             mu, size = (own.mu @ weights.T).ravel(), own.size(float(dense.lengths[k]))
             slack = ROUGH if setting.active(held).order else SLIGHT
-            for run in runs(-sign * mu / size - slack, piece.t.ravel()):
+            for run in runs(*finely(-sign * mu / size - slack, piece.t.ravel())):
                 says = f"the multiplier of {row.label} has the wrong sign {run.when}"
                 yield Fault(
                     "pull", run.start, run.end, run.amount, says, k, held=held, upper=held[1]

@@ -61,6 +61,7 @@ def _preceded(dense: Dense, phase: Phase) -> Dense:
         times=(structure.times[0], *structure.times),
         touches=tuple((k + 1, held) for k, held in structure.touches),
         points=tuple((k + 1, point) for k, point in structure.points),
+        breaks=tuple((k + 1, time) for k, time in structure.breaks),
     )
     made = System(system.setting, longer, system.ends, system.method)
     law, old = made.laws[0], system.laws[0]

@@ -11,6 +11,7 @@
                                       H is affine in; η = 0 where it ends
     touch of a state constraint       S = S' = 0, λ⁺ = λ⁻ − π ∇S
     point constraint                  c = its bound, λ⁺ = λ⁻ − Σ ρ ∇c; its time is known
+    break (formulas of time jump)     its time is known
 
 (A. E. Bryson and Y.-C. Ho, Applied Optimal Control, 1975, sections 3.7 to 3.13; H. Maurer, SIAM J.
 Control Optim. 15, 1977.) The time of a junction that has no condition, such as the end of a
@@ -69,7 +70,7 @@ def conditions(setting: Setting, structure: Structure, k: int) -> list[Condition
         return list(_starts(setting, None, after))
     before = structure.phases[k - 1]
     found = [*_starts(setting, before, after)]
-    if not any(at == k for at, _ in structure.points):  # else the time is known
+    if not structure.known(k):
         found += _switches(setting, before, after)
         for held in sorted(after.held - before.held):
             found += _begun(setting, held, before, after)

@@ -78,7 +78,7 @@ class _About:
     weights: tuple[Array, ...]
     """By node (rows,): what its rows were divided by."""
     norm: float
-    """Largest residual; infinite where one has no value."""
+    """Largest residual; infinite where one, or a derivative, has no value."""
 
 
 def iterate(system: System, start: Unknowns, scales: Scales) -> Solved:
@@ -184,8 +184,16 @@ def _about(system: System, at: Unknowns, scales: Scales) -> _About:
             chain.links.right[junctions].ravel(),
         ]
     whole = np.abs(np.concatenate(parts))
-    norm = float(whole.max(initial=0.0)) if np.isfinite(whole).all() else np.inf
+    known = np.isfinite(whole).all() and _has_values(chain)
+    norm = float(whole.max(initial=0.0)) if known else np.inf
     return _About(given, chain, tuple(weights for _, weights in weighed), norm)
+
+
+def _has_values(chain: Chain) -> bool:
+    """Whether all derivatives are finite; where one is not, there is no step."""
+    parts = [part for rows in chain.own for part in (rows.here, rows.shared)]
+    parts += [chain.links.matrix, chain.links.shared]
+    return all(np.isfinite(part).all() for part in parts)
 
 
 def _weighed(rows: Rows, scales: Scales) -> tuple[Rows, Array]:

@@ -21,6 +21,8 @@ Flags = NDArray[np.bool_]
 
 RESOLVED = 1e-12
 """Last coefficients, over the size of what they are of, of a segment that is short enough."""
+CARRIED = 1e-8
+"""The same, of a segment in which something is smooth at all."""
 MOST = 400
 """Segments in all."""
 LEAST_SPAN = 1e-3
@@ -41,14 +43,28 @@ def refined(dense: Dense, scales: Scales) -> Unknowns | None:
     return Unknowns(phases, at.shared)
 
 
+def rough(dense: Dense, scales: Scales) -> float | None:
+    """Return the time about which polynomials carry least, None where they carry everywhere."""
+    tails = [_tails(dense.system, piece, scales) for piece in dense.known]
+    k = int(np.argmax([own.max() for own in tails]))
+    if tails[k].max() <= CARRIED:
+        return None
+    return float(dense.known[k].t[int(np.argmax(tails[k]))].mean())
+
+
 def _long(system: System, piece: Piece, scales: Scales) -> Flags:
     """Return which segments of a phase, (K,), are too long for their polynomials."""
+    return np.asarray(~(_tails(system, piece, scales) <= RESOLVED))
+
+
+def _tails(system: System, piece: Piece, scales: Scales) -> Array:
+    """Return the last coefficients over the sizes of what they are of, by segment, (K,)."""
     sizes = np.maximum(scales.nodes[: 2 * system.layout.states], np.abs(piece.y).max(axis=(0, 1)))
     least = LEAST_SPAN * (1 + np.abs(piece.u).max(initial=0.0))
     spans = np.maximum(np.ptp(piece.u, axis=(0, 1)), least)
     values = np.concatenate([piece.y / sizes, piece.u / spans], axis=2)
     tails = np.abs(np.einsum("cj,kjy->kcy", system.method.tails, values))
-    return np.asarray(~(tails.max(axis=(1, 2), initial=0.0) <= RESOLVED))
+    return np.asarray(tails.max(axis=(1, 2), initial=0.0))
 
 
 def _halved(dense: Dense, k: int, long: Flags) -> Segments:

@@ -15,12 +15,17 @@ from typing import Final
 import numpy as np
 
 from quito_cli.optimality.polish.fault import Fault, What
-from quito_cli.optimality.polish.setting import Setting
+from quito_cli.optimality.polish.setting import Setting, UnsupportedError
 from quito_cli.optimality.polish.structure import Held, Kind, Phase, Structure
 from quito_cli.solution.polishing import Action
 
 ADJACENT = 1e-6
 """Part of the horizon by which a fault may begin after a junction, and still begin at it."""
+BRIEF = 0.01
+"""Part of the horizon that an arc before a singular one is to start with."""
+CROSSED = -1e-9
+"""Part of the horizon that the length of an arc is below, where its junctions are in the wrong
+order; nearer to nothing they are one."""
 
 
 @dataclass(frozen=True)
@@ -59,10 +64,18 @@ def dropped(structure: Structure, k: int) -> Structure:
     """
     if len(structure.phases) == 1:
         return structure
-    swapped = _swapped(structure, k)
-    if swapped is not None:
-        return swapped
+    return _swapped(structure, k) or _without(structure, k)
+
+
+def _without(structure: Structure, k: int) -> Structure:
+    """Return a structure of several phases without phase k."""
     last = len(structure.phases) - 1
+    ends = [at for at in (k, k + 1) if 0 < at <= last]
+    if all(structure.known(at) for at in ends):  # the junctions stay, the neighbour goes on
+        beside = structure.phases[k - 1 if k else 1]
+        return replace(
+            structure, phases=(*structure.phases[:k], beside, *structure.phases[k + 1 :])
+        )
     if k == 0:
         return structure.without(1, structure.phases[1:])
     if k == last:
@@ -85,7 +98,9 @@ def _swapped(structure: Structure, k: int) -> Structure | None:
     first = {i for i in range(len(a.kinds)) if a.kinds[i] != b.kinds[i]}
     second = {i for i in range(len(a.kinds)) if b.kinds[i] != c.kinds[i]}
     rows_first, rows_second = a.held ^ b.held, b.held ^ c.held
-    if first & second or rows_first & rows_second or structure.times[k + 1] >= structure.times[k]:
+    crossed = CROSSED * (structure.times[-1] - structure.times[0])
+    length = structure.times[k + 1] - structure.times[k]
+    if first & second or rows_first & rows_second or length >= crossed:
         return None
     kinds = tuple(c.kinds[i] if i in second else a.kinds[i] for i in range(len(a.kinds)))
     phase = Phase(kinds, a.held ^ rows_second)
@@ -109,14 +124,73 @@ def _vanished(setting: Setting, structure: Structure, fault: Fault) -> Revision:
     return Revision(found, "drop", fault.sentence)
 
 
-def _sign(setting: Setting, structure: Structure, fault: Fault) -> Revision:
-    """At the other bound an affine control has the sign that was found; a regular one is free."""
+def _sign(setting: Setting, structure: Structure, fault: Fault) -> Revision | None:
+    """At the other bound an affine control has the sign that was found; a regular one is free.
+
+    Where it is at the other bound beside the fault already, dH/du has the wrong sign as soon as the
+    control has switched: there is a singular arc between.
+    """
     i, bounds = fault.control, setting.system.model.control_bounds
     if i in setting.controls.of_kind("regular"):
         return _inserted(structure, fault, i, "free", f"{setting.name(i)} free")
     other = bounds.lower[i] if fault.upper else bounds.upper[i]
     kind: Kind = ("lower" if fault.upper else "upper") if np.isfinite(other) else "singular"
+    if kind in _beside(structure, fault, i):
+        kind = "singular"
+        if not _may_be_singular(setting, structure.phases[fault.phase], i):
+            return None
     return _inserted(structure, fault, i, kind, f"{setting.name(i)} {kind}")
+
+
+def singular_instead(setting: Setting, structure: Structure, fault: Fault) -> Structure | None:
+    """Return a structure with a singular arc where a sign is wrong; None where there can be none.
+
+    Arcs at bounds in turn, each shorter than the last, would come near to a singular one.
+    """
+    i = fault.control
+    if fault.what != "sign" or i in setting.controls.of_kind("regular"):
+        return None
+    if not _may_be_singular(setting, structure.phases[fault.phase], i):
+        return None
+    return _inserted(structure, fault, i, "singular", "").structure.merged()
+
+
+def bang_before(setting: Setting, structure: Structure) -> list[Structure]:
+    """Return structures with a control at a bound before the arc on which it is singular at first.
+
+    What is singular from the first can be so only from some states.
+    """
+    start, horizon = structure.times[0], structure.times[-1] - structure.times[0]
+    first, bounds, found = structure.phases[0], setting.system.model.control_bounds, []
+    if structure.times[1] - start <= BRIEF * horizon:
+        return []
+    for i in (i for i, kind in enumerate(first.kinds) if kind == "singular"):
+        sides: dict[Kind, float] = {"lower": bounds.lower[i], "upper": bounds.upper[i]}
+        for kind in (kind for kind, bound in sides.items() if np.isfinite(bound)):
+            kinds = (*first.kinds[:i], kind, *first.kinds[i + 1 :])
+            wider, _ = structure.cut(start + BRIEF * horizon)
+            phases = (replace(first, kinds=kinds), *wider.phases[1:])
+            found.append(replace(wider, phases=phases))
+    return found
+
+
+def _beside(structure: Structure, fault: Fault, i: int) -> list[Kind]:
+    """Return what a control does in the phases that a fault reaches to, without its own."""
+    start, end = _snapped(structure, fault)
+    first, last = structure.span(fault.phase, fault.phase)
+    reached = ((start == first, fault.phase - 1), (end == last, fault.phase + 1))
+    inside = range(len(structure.phases))
+    return [structure.phases[k].kinds[i] for reaches, k in reached if reaches and k in inside]
+
+
+def _may_be_singular(setting: Setting, phase: Phase, i: int) -> bool:
+    """Whether a control has a feedback where it is neither at a bound nor determined by a row."""
+    kinds: list[Kind] = list(phase.kinds)
+    kinds[i] = "singular"
+    try:
+        return setting.singular(replace(phase, kinds=tuple(kinds))) is not None
+    except UnsupportedError:
+        return False
 
 
 def _beyond(setting: Setting, structure: Structure, fault: Fault) -> Revision:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from quito_cli.optimality.polish.chain import Rows
 from quito_cli.optimality.polish.flow import inputs
-from quito_cli.optimality.polish.law import Law, Settled
+from quito_cli.optimality.polish.law import Settled
 from quito_cli.optimality.polish.pointwise import evaluated
 from quito_cli.optimality.polish.system import System
 from quito_cli.optimality.polish.unknowns import Layout, Unknowns
@@ -59,6 +59,8 @@ class PhaseEnd:
     v: Array
     """(1, n_v)."""
     settled: Settled
+    given: bool
+    """Its time is the problem's: nothing moves with it."""
 
     @property
     def z(self) -> Array:
@@ -73,7 +75,8 @@ class PhaseEnd:
         found = none(len(value), layout)
         found.value[:] = value[:, 0]
         found.by_node[:, :two] = slopes[:, :two]
-        found.by_shared[:, self.time] = slopes[:, two]
+        if not self.given:  # else it may be without a derivative, as sqrt(t) where time begins
+            found.by_shared[:, self.time] = slopes[:, two]
         split = two + 1 + layout.parameters
         found.by_shared[:, layout.place("parameters")] = slopes[:, two + 1 : split]
         found.by_shared[:, layout.place("integral")] = slopes[:, split:]
@@ -110,13 +113,15 @@ def pointed(system: System, at: Unknowns) -> Point:
     return Point(
         system,
         at,
-        tuple(_end(system, law, k, s.nodes[0], s.first, at.shared) for k, (law, s) in pairs),
-        tuple(_end(system, law, k + 1, s.nodes[-1], s.last, at.shared) for k, (law, s) in pairs),
+        tuple(_end(system, k, True, s.nodes[0], s.first, at.shared) for k, (_, s) in pairs),
+        tuple(_end(system, k, False, s.nodes[-1], s.last, at.shared) for k, (_, s) in pairs),
     )
 
 
-def _end(system: System, law: Law, junction: int, y: Array, z: Array, g: Array) -> PhaseEnd:
-    layout = system.layout
+def _end(system: System, k: int, at_start: bool, y: Array, z: Array, g: Array) -> PhaseEnd:
+    law, layout, junction = system.laws[k], system.layout, k if at_start else k + 1
     time = layout.time(junction)
-    v = inputs(g[[time]], y[None], g, layout)
-    return PhaseEnd(layout, time, y, v, law.settled(v, z[None]))
+    v = inputs(system.inside(k, g[[time]]), y[None], g, layout)
+    ends = {0: system.ends.initial_time, layout.times - 1: system.ends.final_time}
+    given = bool(np.isfinite(ends.get(junction, np.nan)))
+    return PhaseEnd(layout, time, y, v, law.settled(v, z[None]), given)

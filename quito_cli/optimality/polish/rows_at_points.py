@@ -61,7 +61,7 @@ def add_steps(point: Point, final: Linear) -> None:
 
 
 def constraints(point: Point) -> Iterator[tuple[int, Linear]]:
-    """Give the nodes after point constraints, and what holds there."""
+    """Give the nodes after point constraints and breaks, and what holds there."""
     system = point.system
     for k, f in system.instants:
         yield point.node(*_side(system, k)), _time(point, k, f)
@@ -69,6 +69,14 @@ def constraints(point: Point) -> Iterator[tuple[int, Linear]]:
         leap = system.leaps[k]
         assert leap is not None, "a point constraint has multipliers"
         yield point.node(*_side(system, k)), _values(point, leap, which)
+    points = {k for k, _ in system.instants}
+    for k, time in system.structure.breaks:
+        if k in points:  # its time is known already
+            continue
+        found = none(1, system.layout)
+        found.by_shared[0, system.layout.time(k)] = 1.0
+        found.value[0] = point.at.shared[system.layout.time(k)] - time
+        yield point.node(k, at_start=True), found
 
 
 def _side(system: System, k: int) -> tuple[int, bool]:

@@ -14,12 +14,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from quito_cli.optimality.breaks import breaks
 from quito_cli.optimality.constraints import Active, active
 from quito_cli.optimality.controls import Controls, controls
 from quito_cli.optimality.hamiltonian import Pontryagin, sampled
 from quito_cli.optimality.polish.law import Law
-from quito_cli.optimality.probes import Probe
+from quito_cli.optimality.probes import MOST_OPERATIONS, Probe
 from quito_cli.optimality.singular import Singular, singular
+from quito_cli.solution.kinks import corners
 
 if TYPE_CHECKING:
     import casadi as ca
@@ -30,8 +32,22 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
+MOST_BREAKS = 40
+"""Known times at which formulas jump that are taken on as junctions."""
+
+
 class UnsupportedError(Exception):
     """Why a structure cannot be polished, in a sentence."""
+
+
+@dataclass(frozen=True, eq=False)
+class Corners:
+    """Where formulas of a problem may jump, as functions of Pontryagin's arguments."""
+
+    arguments: ca.Function
+    """What is zero there, (corners, 1)."""
+    formulas: ca.Function
+    """Integrands, x' and rows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +88,46 @@ class Setting:
         if not self.system.rows:
             return np.zeros((len(t), 0))
         return sampled(self.row_function, (t, x, np.zeros_like(x), u, p, None, None))[0]
+
+    @cached_property
+    def breaks(self) -> Callable[[float, float], tuple[float, ...]]:
+        """Known times, between an initial and a final one, at which formulas jump.
+
+        Raises:
+            UnsupportedError: there are too many.
+        """
+        return cache(self._breaks)
+
+    def _breaks(self, start: float, end: float) -> tuple[float, ...]:
+        found = breaks(self.system, self.probe, start, end)
+        if len(found) > MOST_BREAKS:
+            raise UnsupportedError(
+                f"formulas jump, or have kinks, at {len(found)} known times: each is a junction, "
+                f"and more than {MOST_BREAKS} are not taken on; a smooth table (method: cubic) has "
+                "none"
+            )
+        return found
+
+    @cached_property
+    def corners(self) -> Corners | None:
+        """Corners of the problem's formulas that are not of time alone; None where there are none.
+
+        None, too, of formulas that are too long to be worked on.
+        """
+        import casadi as ca
+
+        system, m = self.system, self.system.model
+        integrands = [c.value for c in m.constraints.integral]
+        given = [m.lagrange, m.xdot, *integrands, *(row.value for row in system.rows)]
+        formulas = system.function("formulas", [ca.densify(ca.vertcat(*given))])
+        if formulas.n_instructions() > MOST_OPERATIONS:
+            return None
+        inputs = formulas.sx_in()
+        others = ca.vertcat(*inputs[:4])
+        own = [value for _, value in corners(formulas) if ca.depends_on(value, others)]
+        if not own:
+            return None
+        return Corners(ca.Function("corners", inputs, [ca.vertcat(*own)]), formulas)
 
     @cached_property
     def active(self) -> Callable[[Held], Active]:
@@ -128,7 +184,8 @@ class Setting:
             ]
         for i in (*self.controls.of_kind("kinked"), *self.controls.of_kind("absent")):
             if kinds[i] in ("free", "singular"):
-                why = "has a kink in it" if self.controls.kinds[i] == "kinked" else "is without it"
+                kinked = self.controls.kinds[i] == "kinked"
+                why = "has a jump in it, or a kink that moves" if kinked else "is without it"
                 raise UnsupportedError(
                     f"{self.name(i)} is between its bounds where the Hamiltonian {why}"
                 )

@@ -30,6 +30,8 @@ TIED = 0.1
 MISALIGNED = 0.02
 """Part of the horizon by which a control's junction and that of the constraint that causes it may
 be apart in a direct answer."""
+SAME = 1e-12
+"""Times that differ by less are one."""
 BRIEF = 4
 """Cells that a jump takes at most."""
 TOUCHES = 1e-3
@@ -82,8 +84,10 @@ def _laid(
     points = [end if f == 1 else start + f * (end - start) for f in fractions]
     near = 2 * float(np.diff(direct.times).max())
     ends = {arc.end for arcs in (*controls, *rows) for arc in arcs if start < arc.end < end}
-    inner = {t for t in ends if all(abs(t - point) > near for point in set(points) - {start, end})}
-    times = _apart({start, end, *points}, inner, least)
+    breaks = setting.breaks(start, end)
+    known = {*points, *(t for t in breaks if all(abs(t - at) > SAME for at in points))}
+    inner = {t for t in ends if all(abs(t - point) > near for point in known - {start, end})}
+    times = _apart({start, end, *known}, inner, least)
     phases = []
     for a, b in pairwise(times):
         middle = (a + b) / 2
@@ -96,7 +100,8 @@ def _laid(
         kinds = tuple(_kind(arcs, middle) for arcs in controls)
         phases.append(setting.consistent(Phase(kinds, held)))
     named = tuple((times.index(t), k) for k, t in enumerate(points))
-    return Structure(tuple(phases), tuple(times), (), named).merged()
+    broken = tuple((int(np.abs(np.array(times) - t).argmin()), t) for t in breaks)
+    return Structure(tuple(phases), tuple(times), (), named, broken).merged()
 
 
 def _apart(given: set[float], found: set[float], least: float) -> list[float]:

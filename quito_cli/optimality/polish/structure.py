@@ -42,6 +42,8 @@ class Structure:
     """Junction (index of `times`) at which a state constraint is touched, without an arc."""
     points: tuple[tuple[int, int], ...] = ()
     """Junction at which a point constraint is, and which."""
+    breaks: tuple[tuple[int, float], ...] = ()
+    """Junction at which formulas of the problem jump, and when: its time is known."""
 
     def span(self, first: int, last: int) -> tuple[float, float]:
         """Return the times of phases first … last."""
@@ -66,8 +68,12 @@ class Structure:
         return min(max(k, 0), len(self.phases) - 1)
 
     def named(self, junction: int) -> bool:
-        """Whether a touch or a point constraint is at a junction."""
-        return any(at == junction for at, _ in (*self.touches, *self.points))
+        """Whether a touch, a point constraint or a break is at a junction."""
+        return any(at == junction for at, _ in (*self.touches, *self.points, *self.breaks))
+
+    def known(self, junction: int) -> bool:
+        """Whether the time of a junction is: of a point constraint or a break."""
+        return any(at == junction for at, _ in (*self.points, *self.breaks))
 
     def merged(self) -> Structure:
         """Return it with equal phases beside each other made one, unless something is between."""
@@ -81,16 +87,18 @@ class Structure:
         times = self.times[:junction] + self.times[junction + 1 :]
         touches = tuple(named for named in self.touches if named[0] != junction)
         points = tuple(named for named in self.points if named[0] != junction)
+        breaks = tuple(named for named in self.breaks if named[0] != junction)
         later = junction + 1
-        return Structure(phases, times, _moved(touches, later, -1), _moved(points, later, -1))
+        moved = _moved(touches, later, -1), _moved(points, later, -1), _moved(breaks, later, -1)
+        return Structure(phases, times, *moved)
 
     def cut(self, time: float) -> tuple[Structure, int]:
         """Return it with a junction at a time, and the index of that junction."""
         k = min(max(int(np.searchsorted(self.times, time)), 1), len(self.phases))
         times = (*self.times[:k], time, *self.times[k:])
         phases = (*self.phases[:k], self.phases[k - 1], *self.phases[k:])
-        touches, points = _moved(self.touches, k, 1), _moved(self.points, k, 1)
-        return Structure(phases, times, touches, points), k
+        moved = _moved(self.touches, k, 1), _moved(self.points, k, 1), _moved(self.breaks, k, 1)
+        return Structure(phases, times, *moved), k
 
     def touched(self, time: float, held: Held) -> Structure:
         """Return it with a touch of a row at a time."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from quito_cli.optimality.breaks import OFF
 from quito_cli.optimality.polish.ends import Ends
 from quito_cli.optimality.polish.gauss import Gauss
 from quito_cli.optimality.polish.junctions import conditions
@@ -74,6 +75,13 @@ class System:
         given = self.setting.system.model.constraints.point
         parts = {k: given[which].at or 0.0 for k, which in self.structure.points}
         return tuple(sorted(parts.items()))
+
+    def inside(self, phase: int, t: Array) -> Array:
+        """Return times of a phase, those at breaks beside them, where formulas are its own."""
+        at = dict(self.structure.breaks)
+        low, high = at.get(phase, -np.inf), at.get(phase + 1, np.inf)
+        off = OFF * max(abs(time) for time in self.structure.times)
+        return np.asarray(np.clip(t, low + off, high - off))
 
     def as_given(self, shared: Array) -> Array:
         """Return g with the times that the problem fixes at their values to the last digit."""
