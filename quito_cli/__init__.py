@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 from quito_cli.solve import Options, solve
 
 if TYPE_CHECKING:
-    from quito_cli.batch.report import Report
+    from quito_cli.batch.reports.report import Report
     from quito_cli.batch.running import run_suite
-    from quito_cli.batch.sweeping import sweep
+    from quito_cli.batch.sweeps.sweeping import sweep
     from quito_cli.comparison.compare import compare
     from quito_cli.comparison.comparison import Comparison
     from quito_cli.comparison.results import compare_results
@@ -35,14 +35,14 @@ _HOMES = {
     "Problem": "quito_cli.problem.schema",
     "ProblemError": "quito_cli.problem.text.complaints",
     "QuitoError": "quito_cli.errors",
-    "Report": "quito_cli.batch.report",
+    "Report": "quito_cli.batch.reports.report",
     "ResultFileError": "quito_cli.errors",
     "Solution": "quito_cli.solution.solution",
     "UnavailableError": "quito_cli.errors",
     "UsageError": "quito_cli.errors",
     "load": "quito_cli.problem.load",
     "run_suite": "quito_cli.batch.running",
-    "sweep": "quito_cli.batch.sweeping",
+    "sweep": "quito_cli.batch.sweeps.sweeping",
 }
 
 __all__ = [

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from quito_cli.batch.case import Case, Check, Ending, Expectation, Figure, Finished
-from quito_cli.batch.report import Report
+from quito_cli.batch.reports.report import Report
+from quito_cli.batch.suite.case import Case, Check, Ending, Expectation, Figure, Finished
 
 
 def finished(

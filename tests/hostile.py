@@ -9,8 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from quito_cli.batch.case import Case, Ending, Finished
-from quito_cli.batch.solving import BEGUN, result_path, solve_case
+from quito_cli.batch.suite.case import Case, Ending, Finished
+from quito_cli.batch.workers.solving import BEGUN, result_path, solve_case
 
 LONG = 100.0
 """Seconds that nobody waits for."""

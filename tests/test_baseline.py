@@ -12,12 +12,20 @@ from finished import answered, finished, outside
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from quito_cli.batch import baseline_file, calibration
-from quito_cli.batch.baseline import Baseline, measured, rounded, updated
-from quito_cli.batch.case import Case, Ending, Figure, Finished
-from quito_cli.batch.comparing import ENDING, Difference, Verdict, compare, judged, maximises, same
-from quito_cli.batch.figures import COSTLY, FIGURES, TIMES
-from quito_cli.batch.rules import RULES, Better, Rule, Tolerance
+from quito_cli.batch.judging import baseline_file, calibration
+from quito_cli.batch.judging.baseline import Baseline, measured, rounded, updated
+from quito_cli.batch.judging.comparing import (
+    ENDING,
+    Difference,
+    Verdict,
+    compare,
+    judged,
+    maximises,
+    same,
+)
+from quito_cli.batch.judging.figures import COSTLY, FIGURES, TIMES
+from quito_cli.batch.judging.rules import RULES, Better, Rule, Tolerance
+from quito_cli.batch.suite.case import Case, Ending, Figure, Finished
 from quito_cli.errors import ResultFileError, UsageError
 from quito_cli.problem.text.complaints import ProblemError
 from quito_cli.problem.text.strict_yaml import read

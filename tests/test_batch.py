@@ -23,15 +23,15 @@ import pytest
 from documents import Ran, run
 
 import quito_cli as quito
-from quito_cli.batch.case import Case, Ending, Expectation, Figure, Finished
-from quito_cli.batch.checks import check
-from quito_cli.batch.figures import COSTLY, FIGURES, TIMES, figures
-from quito_cli.batch.limits import Limits
-from quito_cli.batch.recorded import exit_code
-from quito_cli.batch.run import Setting
-from quito_cli.batch.run import run as run_cases
+from quito_cli.batch.judging.checks import check
+from quito_cli.batch.judging.figures import COSTLY, FIGURES, TIMES, figures
 from quito_cli.batch.running import Nobody
-from quito_cli.batch.solving import file_stem
+from quito_cli.batch.suite.case import Case, Ending, Expectation, Figure, Finished
+from quito_cli.batch.suite.limits import Limits
+from quito_cli.batch.workers.recorded import exit_code
+from quito_cli.batch.workers.run import Setting
+from quito_cli.batch.workers.run import run as run_cases
+from quito_cli.batch.workers.solving import file_stem
 from quito_cli.comparison.table import COLUMNS
 from quito_cli.errors import UsageError
 
@@ -177,7 +177,7 @@ class Stops:
 def test_a_case_that_does_not_stop_is_ended(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("quito_cli.batch.run._GRACE", 0.3)
+    monkeypatch.setattr("quito_cli.batch.workers.run._GRACE", 0.3)
     found = stopped_at_work(tmp_path, "deaf")
     assert [one.ending for one in found] == [Ending.PASSED, Ending.INTERRUPTED]
     assert found[1].message == "it did not stop when it was asked to"

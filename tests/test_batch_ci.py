@@ -13,13 +13,13 @@ import xmlschema
 from documents import Ran, blocks, run
 from finished import answered, finished, outside
 
-from quito_cli.batch import baseline_file, holding
-from quito_cli.batch.baseline import Baseline
-from quito_cli.batch.calibration import calibrate
-from quito_cli.batch.case import Case, Ending, Figure, Finished
-from quito_cli.batch.rules import Tolerance
-from quito_cli.batch.suite import Suite
-from quito_cli.batch.worker import Returned, Worker
+from quito_cli.batch.judging import baseline_file, holding
+from quito_cli.batch.judging.baseline import Baseline
+from quito_cli.batch.judging.calibration import calibrate
+from quito_cli.batch.judging.rules import Tolerance
+from quito_cli.batch.suite.case import Case, Ending, Figure, Finished
+from quito_cli.batch.suite.suite import Suite
+from quito_cli.batch.workers.worker import Returned, Worker
 from quito_cli.errors import QuitoError
 from quito_cli.problem.text.strict_yaml import read
 
@@ -63,7 +63,7 @@ def quito(
 @pytest.fixture
 def comes_to(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """Let the next runs come to these cases, without solving any; a calibration takes 0.1 s."""
-    monkeypatch.setattr("quito_cli.batch.holding._calibration", lambda jobs: 0.1)
+    monkeypatch.setattr("quito_cli.batch.judging.holding._calibration", lambda jobs: 0.1)
 
     def set_to(*cases: Finished, interrupted: bool = False) -> None:
         def ran(suite: Suite, *_: Any, **__: Any) -> tuple[tuple[Finished, ...], bool]:

@@ -16,13 +16,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 
-from quito_cli.batch import html, markdown
-from quito_cli.batch.case import Case, Ending, Finished
-from quito_cli.batch.comparing import ENDING, Difference, Verdict
-from quito_cli.batch.dictionary import as_dictionary
-from quito_cli.batch.pictures import MOST, check_which, pictures
-from quito_cli.batch.report import Report
-from quito_cli.batch.table import differences, figure, in_a_sentence, seconds, shown, table, text
+from quito_cli.batch.judging.comparing import ENDING, Difference, Verdict
+from quito_cli.batch.reports import html, markdown
+from quito_cli.batch.reports.dictionary import as_dictionary
+from quito_cli.batch.reports.pictures import MOST, check_which, pictures
+from quito_cli.batch.reports.report import Report
+from quito_cli.batch.reports.table import (
+    differences,
+    figure,
+    in_a_sentence,
+    seconds,
+    shown,
+    table,
+    text,
+)
+from quito_cli.batch.suite.case import Case, Ending, Finished
 from quito_cli.errors import UsageError
 from quito_cli.summary.dictionary import finite
 
@@ -477,7 +485,9 @@ def test_a_picture_is_of_the_answer(solve: Callable[..., Any], tmp_path: Path) -
 
 
 def test_where_nearly_all_fail_not_all_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("quito_cli.batch.pictures._picture", lambda case: "data:image/svg+xml,")
+    monkeypatch.setattr(
+        "quito_cli.batch.reports.pictures._picture", lambda case: "data:image/svg+xml,"
+    )
     run = report(
         *(finished(f"{i}", Ending.OUTSIDE, result=Path("a.h5")) for i in range(MOST + 5)),
     )

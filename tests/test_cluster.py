@@ -19,15 +19,15 @@ import pytest
 from documents import run as command
 
 import quito_cli as quito
-from quito_cli.batch import cluster, connection, remote
-from quito_cli.batch.axes import parse
-from quito_cli.batch.case import Case, Ending, Expectation, Finished
-from quito_cli.batch.cluster import run_on
-from quito_cli.batch.figures import TIMES
-from quito_cli.batch.limits import Limits
-from quito_cli.batch.run import Setting, run
-from quito_cli.batch.solving import BEGUN
-from quito_cli.batch.sweep import expand
+from quito_cli.batch.judging.figures import TIMES
+from quito_cli.batch.suite.axes import parse
+from quito_cli.batch.suite.case import Case, Ending, Expectation, Finished
+from quito_cli.batch.suite.limits import Limits
+from quito_cli.batch.sweeps.sweep import expand
+from quito_cli.batch.workers import cluster, connection, remote
+from quito_cli.batch.workers.cluster import run_on
+from quito_cli.batch.workers.run import Setting, run
+from quito_cli.batch.workers.solving import BEGUN
 from quito_cli.errors import UnavailableError, UsageError
 from quito_cli.problem.load import load_text
 from quito_cli.solvers.interruption import interruptible

@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from quito_cli.batch.memory import QUICK, resident
+from quito_cli.batch.workers.memory import QUICK, resident
 from quito_cli.errors import UsageError
 from quito_cli.gui import job as jobs
 from quito_cli.gui.answer import Answer

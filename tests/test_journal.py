@@ -17,8 +17,8 @@ from pathlib import Path
 import pytest
 
 import quito_cli as quito
-from quito_cli.batch.case import Case, Check, Ending, Expectation, Finished
-from quito_cli.batch.journal import Journal, as_data, fingerprint_of, from_data
+from quito_cli.batch.suite.case import Case, Check, Ending, Expectation, Finished
+from quito_cli.batch.workers.journal import Journal, as_data, fingerprint_of, from_data
 from quito_cli.errors import ResultFileError, UsageError
 
 ROOT = Path(__file__).parent.parent
@@ -166,10 +166,10 @@ SCRIPT = textwrap.dedent(
     from pathlib import Path
     sys.path.insert(0, {str(ROOT / "tests")!r})
     import hostile
-    from quito_cli.batch.case import Case
-    from quito_cli.batch.recorded import recorded
-    from quito_cli.batch.run import Setting
-    from quito_cli.batch.suite import Suite
+    from quito_cli.batch.suite.case import Case
+    from quito_cli.batch.workers.recorded import recorded
+    from quito_cli.batch.workers.run import Setting
+    from quito_cli.batch.suite.suite import Suite
     folder = Path(sys.argv[1])
     cases = tuple(Case(f"{{i}}", sys.argv[2]) for i in range(60))
     how = Setting(2, folder, "all", job=hostile.copy)

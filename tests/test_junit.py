@@ -12,10 +12,10 @@ from finished import OF_EACH, finished, outside, report
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from quito_cli.batch.case import Ending
-from quito_cli.batch.comparing import ENDING, Difference, Verdict
-from quito_cli.batch.junit import junit, write
-from quito_cli.batch.report import Report
+from quito_cli.batch.judging.comparing import ENDING, Difference, Verdict
+from quito_cli.batch.reports.junit import junit, write
+from quito_cli.batch.reports.report import Report
+from quito_cli.batch.suite.case import Ending
 
 SCHEMA = xmlschema.XMLSchema(Path(__file__).parent / "schemas" / "junit.xsd")
 

@@ -12,7 +12,7 @@ import xarray
 from documents import COMMANDS, code_spans, run
 
 import quito_cli as quito
-from quito_cli.batch.schema_expect import Expect
+from quito_cli.batch.suite.schema_expect import Expect
 from quito_cli.cli.solve import INTERRUPTED
 from quito_cli.comparison.table import COLUMNS
 from quito_cli.errors import GateError, QuitoError

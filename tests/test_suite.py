@@ -13,15 +13,21 @@ from jsonschema import Draft7Validator
 from pydantic import BaseModel
 
 import quito_cli as quito
-from quito_cli.batch import suite as suites
-from quito_cli.batch.case import Case, Expectation
-from quito_cli.batch.expansion import OPTIONS
-from quito_cli.batch.figures import FIGURES
-from quito_cli.batch.gathering import gather, selected
-from quito_cli.batch.limits import Limits, bytes_of
-from quito_cli.batch.schema_expect import Expect
-from quito_cli.batch.schema_suite import CaseLimits, Entry, Shared, SuiteFile, suite_schema_text
-from quito_cli.batch.suite import Suite, load_suite
+from quito_cli.batch.judging.figures import FIGURES
+from quito_cli.batch.suite import suite as suites
+from quito_cli.batch.suite.case import Case, Expectation
+from quito_cli.batch.suite.expansion import OPTIONS
+from quito_cli.batch.suite.gathering import gather, selected
+from quito_cli.batch.suite.limits import Limits, bytes_of
+from quito_cli.batch.suite.schema_expect import Expect
+from quito_cli.batch.suite.schema_suite import (
+    CaseLimits,
+    Entry,
+    Shared,
+    SuiteFile,
+    suite_schema_text,
+)
+from quito_cli.batch.suite.suite import Suite, load_suite
 from quito_cli.errors import UsageError
 from quito_cli.problem.library import bundled, bundled_suites
 from quito_cli.problem.options import FileOptions

@@ -25,15 +25,15 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 import quito_cli as quito
-from quito_cli.batch import dataset
-from quito_cli.batch.axes import MOST_CASES, Axis, axis, known, parse, shadowed, text_of
-from quito_cli.batch.case import Case, Ending, Finished
-from quito_cli.batch.figures import TIMES
-from quito_cli.batch.run import Setting, run
-from quito_cli.batch.solving import Keep
-from quito_cli.batch.suite import Suite, load_suite
-from quito_cli.batch.sweep import Sweep, Swept, collected, expand
-from quito_cli.batch.sweeping import grids
+from quito_cli.batch.judging.figures import TIMES
+from quito_cli.batch.suite.axes import MOST_CASES, Axis, axis, known, parse, shadowed, text_of
+from quito_cli.batch.suite.case import Case, Ending, Finished
+from quito_cli.batch.suite.suite import Suite, load_suite
+from quito_cli.batch.sweeps import dataset
+from quito_cli.batch.sweeps.sweep import Sweep, Swept, collected, expand
+from quito_cli.batch.sweeps.sweeping import grids
+from quito_cli.batch.workers.run import Setting, run
+from quito_cli.batch.workers.solving import Keep
 from quito_cli.errors import UsageError
 from quito_cli.plots.sweep import draw_all, figures
 from quito_cli.plots.sweep_scales import edges

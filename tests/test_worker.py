@@ -16,8 +16,8 @@ from typing import Any
 import pytest
 
 import quito_cli as quito
-from quito_cli.batch.memory import in_words, resident
-from quito_cli.batch.worker import Answer, Died, Raised, Returned, Told, Worker
+from quito_cli.batch.workers.memory import in_words, resident
+from quito_cli.batch.workers.worker import Answer, Died, Raised, Returned, Told, Worker
 from quito_cli.errors import QuitoError, UsageError
 from quito_cli.problem.text.complaints import ProblemError
 from quito_cli.solvers.outcome import Progress, Status
@@ -323,7 +323,7 @@ def test_workers_end_with_a_parent_that_is_killed(busy: bool) -> None:
         f"""
         import sys, time
         sys.path.insert(0, {str(ROOT / "tests")!r})
-        from quito_cli.batch.worker import Worker
+        from quito_cli.batch.workers.worker import Worker
         import test_worker
         worker = Worker(None)
         worker.start(test_worker.count, 0)

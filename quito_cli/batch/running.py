@@ -12,14 +12,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol, get_args
 
-from quito_cli.batch import holding
-from quito_cli.batch.case import Ending, Finished, Scalar
-from quito_cli.batch.gathering import gather, selected
-from quito_cli.batch.recorded import in_order, limited, recorded
-from quito_cli.batch.report import Report
-from quito_cli.batch.run import Setting, workers_of
-from quito_cli.batch.solving import Keep
-from quito_cli.batch.suite import Suite
+from quito_cli.batch.judging import holding
+from quito_cli.batch.reports.report import Report
+from quito_cli.batch.suite.case import Ending, Finished, Scalar
+from quito_cli.batch.suite.gathering import gather, selected
+from quito_cli.batch.suite.suite import Suite
+from quito_cli.batch.workers.recorded import in_order, limited, recorded
+from quito_cli.batch.workers.run import Setting, workers_of
+from quito_cli.batch.workers.solving import Keep
 from quito_cli.errors import UsageError
 
 

@@ -21,7 +21,7 @@ from quito_cli.cli.reports import (
 from quito_cli.cli.stopping import Stopping
 
 if TYPE_CHECKING:
-    from quito_cli.batch.report import Report
+    from quito_cli.batch.reports.report import Report
 
 
 @of_a_solve

@@ -13,9 +13,9 @@ from quito_cli.cli.text import columns, plain
 from quito_cli.summary.dictionary import finite
 
 if TYPE_CHECKING:
-    from quito_cli.batch.case import Case
-    from quito_cli.batch.report import Report
-    from quito_cli.batch.suite import Suite
+    from quito_cli.batch.reports.report import Report
+    from quito_cli.batch.suite.case import Case
+    from quito_cli.batch.suite.suite import Suite
 
 _MOST = 40
 """Differences from a baseline that are shown."""
@@ -26,7 +26,7 @@ _FEW = 30
 def print_cases(suite: Suite, *, as_json: bool) -> None:
     """Print the cases of a suite."""
     if as_json:
-        from quito_cli.batch.dictionary import of_case
+        from quito_cli.batch.reports.dictionary import of_case
 
         cases = [of_case(case) for case in suite.cases]
         typer.echo(json.dumps({"suite": suite.name, "cases": cases}, ensure_ascii=False))
@@ -40,7 +40,7 @@ def print_cases(suite: Suite, *, as_json: bool) -> None:
 
 def _given(case: Case) -> str:
     """Return options and constants of a case, as its name has them."""
-    from quito_cli.batch.axes import text_of
+    from quito_cli.batch.suite.axes import text_of
 
     both = [*case.options.items(), *case.constants.items()]
     return " ".join(f"{key}={text_of(value)}" for key, value in both)
@@ -48,7 +48,7 @@ def _given(case: Case) -> str:
 
 def print_json(report: Report) -> None:
     """Print what became of the cases, as one JSON object."""
-    from quito_cli.batch.dictionary import as_dictionary
+    from quito_cli.batch.reports.dictionary import as_dictionary
 
     typer.echo(json.dumps(finite(as_dictionary(report)), ensure_ascii=False))
 
@@ -79,7 +79,7 @@ def print_summary(report: Report, folder: Path, *, verbose: bool) -> None:
 
 def print_differences(report: Report, *, quiet: bool) -> None:
     """Print how a run differs from its baseline; in quiet, only what is for the worse."""
-    from quito_cli.batch.table import DIFFERENCES, differences
+    from quito_cli.batch.reports.table import DIFFERENCES, differences
 
     if report.baseline is None:
         return
@@ -93,7 +93,7 @@ def print_differences(report: Report, *, quiet: bool) -> None:
 
 
 def _table(report: Report) -> str:
-    from quito_cli.batch.table import table
+    from quito_cli.batch.reports.table import table
 
     made = table(report)
     head = ["case", "ended", *(column.heading for column in made.columns), "time"]

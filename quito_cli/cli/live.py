@@ -17,7 +17,7 @@ import typer
 from quito_cli.cli.text import plain
 
 if TYPE_CHECKING:
-    from quito_cli.batch.case import Finished
+    from quito_cli.batch.suite.case import Finished
     from quito_cli.solvers.outcome import Progress
 
 COLOURS: Final = {0: "green", 3: "yellow"}

@@ -12,7 +12,7 @@ from quito_cli.cli.output import check_file
 from quito_cli.errors import UsageError
 
 if TYPE_CHECKING:
-    from quito_cli.batch.report import Report
+    from quito_cli.batch.reports.report import Report
 
 BaselineFile = Annotated[
     Path | None,
@@ -61,7 +61,7 @@ class Wanted:
         Raises:
             UsageError: options exclude each other, or a file cannot be written.
         """
-        from quito_cli.batch.pictures import check_which
+        from quito_cli.batch.reports.pictures import check_which
 
         plots = self.plots or _PLOTS
         check_which(plots)

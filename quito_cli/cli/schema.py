@@ -14,7 +14,7 @@ def schema(
 ) -> None:
     """Print the JSON Schema of problem files, or of suites."""
     if suite:
-        from quito_cli.batch.schema_suite import suite_schema_text
+        from quito_cli.batch.suite.schema_suite import suite_schema_text
 
         typer.echo(suite_schema_text(), nl=False)
         return

@@ -12,9 +12,9 @@ from quito_cli.cli.output import Picture, check_folder, check_picture
 from quito_cli.cli.stopping import Stopping
 
 if TYPE_CHECKING:
-    from quito_cli.batch.run import Setting
-    from quito_cli.batch.suite import Suite
-    from quito_cli.batch.sweep import Sweep, Swept
+    from quito_cli.batch.suite.suite import Suite
+    from quito_cli.batch.sweeps.sweep import Sweep, Swept
+    from quito_cli.batch.workers.run import Setting
     from quito_cli.cli.live import Live
 
 
@@ -80,11 +80,11 @@ def sweep(
     Exit codes: 0 all solved, 1 some did not, 2 a wrong command line or file, 130 interrupted.
     """
     with Stopping(output) as stopping:
-        from quito_cli.batch.dataset import save
-        from quito_cli.batch.figures import COSTLY
-        from quito_cli.batch.recorded import exit_code, limited
-        from quito_cli.batch.run import Setting, workers_of
-        from quito_cli.batch.sweeping import SHOWN, known_figures, plan, suite_of
+        from quito_cli.batch.judging.figures import COSTLY
+        from quito_cli.batch.sweeps.dataset import save
+        from quito_cli.batch.sweeps.sweeping import SHOWN, known_figures, plan, suite_of
+        from quito_cli.batch.workers.recorded import exit_code, limited
+        from quito_cli.batch.workers.run import Setting, workers_of
         from quito_cli.cli.live import Live
         from quito_cli.problem.load import parse_settings
 
@@ -117,7 +117,7 @@ def _run(
     """Return what became of the cases, and whether the user stopped it."""
     from dataclasses import replace
 
-    from quito_cli.batch.sweeping import run_through
+    from quito_cli.batch.sweeps.sweeping import run_through
     from quito_cli.solvers.interruption import interruptible
 
     with interruptible() as interruption, live:

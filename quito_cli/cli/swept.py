@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 import typer
 
-from quito_cli.batch.axes import shadowed
+from quito_cli.batch.suite.axes import shadowed
 from quito_cli.cli.text import columns, plain
 from quito_cli.summary.dictionary import finite
 
 if TYPE_CHECKING:
-    from quito_cli.batch.case import Figure, Finished
-    from quito_cli.batch.sweep import Swept
+    from quito_cli.batch.suite.case import Figure, Finished
+    from quito_cli.batch.sweeps.sweep import Swept
 
 _MOST: Final = 100
 """Rows of the table: the file has all."""
@@ -42,7 +42,7 @@ def print_swept(
 
 def print_json(swept: Swept, shown: tuple[str, ...], files: tuple[Path, ...]) -> None:
     """Print the sweep as one JSON object."""
-    from quito_cli.batch.recorded import exit_code
+    from quito_cli.batch.workers.recorded import exit_code
 
     sweep, (hdf5, *plots) = swept.sweep, files
     said = {

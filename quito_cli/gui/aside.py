@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from quito_cli.batch.worker import Died, Raised, Returned, Told, Worker
+from quito_cli.batch.workers.worker import Died, Raised, Returned, Told, Worker
 
 Ended = Returned | Raised | Died | None
 _LOADING = 120.0

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final, Literal
 
-from quito_cli.batch.worker import Died, Returned
+from quito_cli.batch.workers.worker import Died, Returned
 from quito_cli.gui.aside import Aside
 from quito_cli.problem.text.source import Source
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from quito_cli.batch.worker import Died, Raised, Returned
+from quito_cli.batch.workers.worker import Died, Raised, Returned
 from quito_cli.errors import QuitoError, ResultFileError, UsageError
 from quito_cli.gui.answer import RESULT, Answer
 from quito_cli.gui.aside import Aside

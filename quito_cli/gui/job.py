@@ -10,7 +10,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from quito_cli.batch.worker import Died, Raised, Returned, Told, Worker
+from quito_cli.batch.workers.worker import Died, Raised, Returned, Told, Worker
 from quito_cli.errors import QuitoError
 from quito_cli.gui.work import Iterated, Noticed, Work, carry_out, warm_up
 

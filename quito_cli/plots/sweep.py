@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from quito_cli.batch.axes import Axis
-    from quito_cli.batch.sweep import Swept
+    from quito_cli.batch.suite.axes import Axis
+    from quito_cli.batch.sweeps.sweep import Swept
 
 Array = NDArray[np.float64]
 

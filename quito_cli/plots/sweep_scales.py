@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
 
-    from quito_cli.batch.axes import Axis
+    from quito_cli.batch.suite.axes import Axis
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from quito_cli.batch.sweep import Swept
+    from quito_cli.batch.sweeps.sweep import Swept
     from quito_cli.plots.sweep_scales import Hue
 
 _MOST: Final = 40

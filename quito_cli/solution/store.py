@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     import h5py
 
 SWEEP = "quito sweep"
-"""Format of a file over many results, by `quito_cli.batch.dataset`."""
+"""Format of a file over many results, by `quito_cli.batch.sweeps.dataset`."""
 DAMAGED = (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError)
 """What h5py and numpy raise for a file whose bytes or layout are not what they should be."""
 

@@ -22,11 +22,11 @@ from typing import Any
 
 import pytest
 
-from quito_cli.batch.case import Case, Ending, Finished
-from quito_cli.batch.limits import Limits
-from quito_cli.batch.memory import resident
-from quito_cli.batch.run import Setting, run
-from quito_cli.batch.solving import BEGUN, solve_case
+from quito_cli.batch.suite.case import Case, Ending, Finished
+from quito_cli.batch.suite.limits import Limits
+from quito_cli.batch.workers.memory import resident
+from quito_cli.batch.workers.run import Setting, run
+from quito_cli.batch.workers.solving import BEGUN, solve_case
 
 pytestmark = pytest.mark.benchmark
 

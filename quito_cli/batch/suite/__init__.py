@@ -1,0 +1,1 @@
+"""A suite file -> Suite: the cases to solve, each with what is expected of it."""
