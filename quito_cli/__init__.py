@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 from quito_cli.solve import Options, solve
 
 if TYPE_CHECKING:
-    from quito_cli.batch.recorded import run_suite
+    from quito_cli.batch.report import Report
+    from quito_cli.batch.running import run_suite
     from quito_cli.batch.sweeping import sweep
     from quito_cli.comparison.compare import compare
     from quito_cli.comparison.comparison import Comparison
@@ -34,12 +35,13 @@ _HOMES = {
     "Problem": "quito_cli.problem.schema",
     "ProblemError": "quito_cli.problem.text.complaints",
     "QuitoError": "quito_cli.errors",
+    "Report": "quito_cli.batch.report",
     "ResultFileError": "quito_cli.errors",
     "Solution": "quito_cli.solution.solution",
     "UnavailableError": "quito_cli.errors",
     "UsageError": "quito_cli.errors",
     "load": "quito_cli.problem.load",
-    "run_suite": "quito_cli.batch.recorded",
+    "run_suite": "quito_cli.batch.running",
     "sweep": "quito_cli.batch.sweeping",
 }
 
@@ -49,6 +51,7 @@ __all__ = [
     "Problem",
     "ProblemError",
     "QuitoError",
+    "Report",
     "ResultFileError",
     "Solution",
     "UnavailableError",

@@ -103,6 +103,29 @@ class Task:
     ) -> tuple[Nlp, Outcome, Residuals, float]:
         """Return program, answer, residuals and the seconds of transcription.
 
+        Controls with kinks are taken apart. Parts out of order are no answer: then the problem is
+        solved as it stands.
+        """
+        from quito_cli.optimality.apart import in_order, merged_point, split_answer
+        from quito_cli.optimality.parted import parted
+        from quito_cli.solvers import Status
+
+        parts = parted(self.model)
+        if parts is None:
+            return self._solved(self.model, method, warm)
+        earlier = None if warm is None else split_answer(parts, warm)
+        nlp, outcome, residuals, seconds = self._solved(parts.model, method, earlier)
+        if not in_order(parts, nlp, outcome) and outcome.status is not Status.INTERRUPTED:
+            return self._solved(self.model, method, warm)
+        begun = time.perf_counter()
+        found = merged_point(parts, nlp, outcome, residuals, self.options.path_points)
+        return *found, seconds + time.perf_counter() - begun
+
+    def _solved(
+        self, model: Model, method: Method, warm: Solution | None
+    ) -> tuple[Nlp, Outcome, Residuals, float]:
+        """Return program, answer, residuals and the seconds of transcription.
+
         Where the guess was so costly that its scale makes the objective count for nothing, it is
         solved again from the answer, with the scale that the cost found calls for.
         """
@@ -110,7 +133,7 @@ class Task:
         from quito_cli.solvers import Status, judged, minimise
         from quito_cli.transcription.transcribe import FAR_TOO_SMALL, transcribe, wanted_scale
 
-        options, model, started = self.options, self.model, time.perf_counter()
+        options, started = self.options, time.perf_counter()
         nlp = transcribe(model, method, options.objective_scale, options.path_points)
         nlp, start = (nlp, None) if warm is None else resumed(nlp, warm)
         seconds = time.perf_counter() - started
@@ -142,10 +165,11 @@ def method_on(options: Options, mesh: Mesh) -> Method:
     """
     from quito_cli.problem.options import COLLOCATION
     from quito_cli.transcription.cells import Discretization
-    from quito_cli.transcription.collocation import Collocation
     from quito_cli.transcription.schemes import scheme
 
     if options.discretization == COLLOCATION:
+        from quito_cli.transcription.collocation import Collocation
+
         return Collocation(mesh, options.degree)
     basis = control_basis(options, mesh.cells).on(mesh)
     return Discretization(mesh, basis, scheme(options.discretization), options.substeps)

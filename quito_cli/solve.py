@@ -139,6 +139,8 @@ class Options:
 
 MOST_OF_A_FILE = 1_000_000
 """Variables times substeps that a file may ask for by itself."""
+SIZES = frozenset(("steps", "degree", "mesh_limit"))
+"""Options by which a person says how large the program may be."""
 DENSE_POINTS = 20
 """Points of a collocation that depend on one another as much as a step costs."""
 ADAPTIVE_ONLY = ("mesh_steps", "mesh_tolerance", "mesh_iterations", "mesh_limit")
@@ -189,7 +191,7 @@ def solve(
     model = build(problem)
     if earlier is not None:
         model = guided(model, earlier)
-    _refuse_too_large(model, chosen, bool({"steps", "degree"} & given))
+    _refuse_too_large(model, chosen, given)
     _refuse_warm_start(chosen, earlier, problem)
     task = Task(problem, model, chosen, chosen.tolerance, chosen.max_iterations, True, listener)
     warm = earlier if chosen.warm_start else None
@@ -245,24 +247,36 @@ def _refuse_warm_start(options: Options, earlier: Solution | None, problem: Prob
         )
 
 
-def _refuse_too_large(model: Model, options: Options, asked: bool) -> None:
-    """Keep a file from asking for more than a machine has; a person may ask for anything.
+def too_large(variables: int, options: Options) -> str | None:
+    """Return what is asked for, where it is more than a file may ask for by itself.
 
-    Raises:
-        UsageError: the file's own steps and sizes make too large a program.
+    Args:
+        variables: number of states and controls.
+        options: resolved.
     """
     from quito_cli.problem.options import COLLOCATION
 
     each, what, dense = options.substeps, "steps", 1
     if options.discretization == COLLOCATION:
         each, what, dense = options.degree, "points", 1 + options.degree // DENSE_POINTS
-    size = (model.n_x + model.n_u) * options.steps * each * dense
-    if size > MOST_OF_A_FILE and not asked:
-        raise UsageError(
-            f"the file asks for {options.steps} cells of {each} {what} with "
-            f"{model.n_x + model.n_u} states and controls, which may take hours and all memory; if "
-            "you mean it, say so with -N"
-        )
+    cells = options.steps if options.mesh == "uniform" else options.most_cells
+    if variables * cells * each * dense <= MOST_OF_A_FILE:
+        return None
+    return (
+        f"{cells} cells of {each} {what} with {variables} states and controls, which may take "
+        "hours and all memory"
+    )
+
+
+def _refuse_too_large(model: Model, options: Options, given: set[str]) -> None:
+    """Keep a file from asking for more than a machine has; a person may ask for anything.
+
+    Raises:
+        UsageError: the file's own steps and sizes make too large a program.
+    """
+    said = None if SIZES & given else too_large(model.n_x + model.n_u, options)
+    if said:
+        raise UsageError(f"the file asks for {said}; if you mean it, say so with -N")
 
 
 def _earlier(guess: str | Path | Solution | None) -> tuple[Solution | None, str | None]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import random
 import shutil
 import signal
 import socket
@@ -11,7 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -35,8 +36,11 @@ _SWITCHES = (
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
     *("--disable-dev-shm-usage", "--force-device-scale-factor=1", "--hide-scrollbars"),
 )
-PATIENCE = 20.0
+PATIENCE = 60.0
 """Seconds that anything may take on a machine that has other things to do."""
+_PORTS = range(20_000, 32_000)
+"""Below those that systems give to connections: a browser has many, and one could be the port that
+was free a moment ago."""
 
 needs_browser = pytest.mark.skipif(
     CHROMIUM is None or DRIVER is None,
@@ -61,13 +65,10 @@ class Server:
 @contextmanager
 def serving(folder: Path, *arguments: str) -> Iterator[Server]:
     """Run `quito gui FOLDER`."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
     alone = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST")}
     command = [sys.executable, "-m", "quito_cli", "gui", str(folder), "--no-browser"]
     process = subprocess.Popen(
-        [*command, "--port", str(port), *arguments],
+        [*command, "--port", str(_free_port()), *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -88,6 +89,14 @@ def serving(folder: Path, *arguments: str) -> Iterator[Server]:
                 process.kill()
         assert process.stdout is not None
         process.stdout.close()
+
+
+def _free_port() -> int:
+    for port in random.sample(_PORTS, 100):
+        with socket.socket() as probe, suppress(OSError):
+            probe.bind(("127.0.0.1", port))
+            return port
+    raise AssertionError("no port is free")
 
 
 @contextmanager
@@ -128,13 +137,15 @@ class Page:
         return self.driver.current_window_handle
 
     def ready(self) -> None:
-        """Wait until the page can be used: there is a text, and it has been looked at."""
+        """Wait until the page can be used: there is a text that has been looked at, and a button
+        to press."""
         self.until(lambda: len(self.text()) > 0)
         self.until(lambda: self.by(".edit [role=status]").text != "")
+        self.until(lambda: any(self.by(name).is_enabled() for name in ("#run", "#cancel")))
 
-    def until(self, holds: Callable[[], T], seconds: float = PATIENCE) -> T:
-        """Wait for something to be true, and return it."""
-        end = time.monotonic() + seconds
+    def until(self, holds: Callable[[], T]) -> T:
+        """Wait for something to be true, and return it; what is not there yet is not true yet."""
+        end = time.monotonic() + PATIENCE
         while True:
             try:
                 if found := holds():
@@ -196,15 +207,20 @@ class Page:
     def set_field(self, label: str, text: str) -> None:
         """Write into a field of the form."""
         field = self.by(f"input[aria-label='{label}']")
-        field.send_keys(Keys.CONTROL, "a")
-        field.send_keys(text)
+        field.send_keys(Keys.CONTROL, "a", Keys.NULL, text)
         wanted = f"-N {text}" if label == "steps" else f"--{label} {text}"
         self.until(lambda: wanted in self.by(".command code").text)
 
     def figure(self, name: str) -> str:
         """Return a figure of the progress."""
-        names = [element.text for element in self.all(".progress dt")]
-        return self.all(".progress dd")[names.index(name)].text
+        return str(
+            self.run(
+                "const heads = [...document.querySelectorAll('.progress dt')];"
+                "const head = heads.find(e => e.innerText.trim() === arguments[0]);"
+                "return head?.nextElementSibling?.innerText.trim() || ''",
+                name,
+            )
+        )
 
     def darken(self, dark: bool) -> None:
         """Let the system prefer dark pages, or light ones."""
@@ -244,13 +260,40 @@ class Page:
     def press(self, *keys: str) -> None:
         webdriver.ActionChains(self.driver).send_keys(*keys).perform()
 
-    def hover(self, selector: str, down: int) -> None:
-        """Rest with the pointer on an element, in its middle so many pixels from its top."""
+    def hovered(self, selector: str, down: int, right: float | None = None) -> str:
+        """Rest with the pointer on an element, so many pixels from its top and left.
+
+        Args:
+            selector: of the element.
+            down: from its top.
+            right: from its left; None for the middle.
+
+        Returns:
+            What the element says then; wait for it, for a plot is drawn in its own time.
+        """
         element = self.by(selector)
         self.run("arguments[0].scrollIntoView()", element)
         box = self.run("return arguments[0].getBoundingClientRect().toJSON()", element)
-        place = {"x": box["x"] + box["width"] / 2, "y": box["y"] + down}
-        self.driver.execute_cdp_cmd("Input.dispatchMouseEvent", {"type": "mouseMoved", **place})
+        across = box["width"] / 2 if right is None else right
+        for aside in (3, 0):  # a pointer that does not move is not heard of again
+            place = {"x": box["x"] + across + aside, "y": box["y"] + down}
+            self.driver.execute_cdp_cmd("Input.dispatchMouseEvent", {"type": "mouseMoved", **place})
+        return element.text
+
+    def drag(self, selector: str, down: int, start: float, end: float) -> None:
+        """Draw with the pressed pointer over an element, from left to right."""
+        box = self.run(
+            "return document.querySelector(arguments[0]).getBoundingClientRect().toJSON()", selector
+        )
+        place = {"y": box["y"] + down, "button": "left", "clickCount": 1}
+        for kind, right in (
+            ("mousePressed", start),
+            ("mouseMoved", (start + end) / 2),
+            ("mouseMoved", end),
+            ("mouseReleased", end),
+        ):
+            said = {"type": kind, "x": box["x"] + right, "buttons": 1, **place}
+            self.driver.execute_cdp_cmd("Input.dispatchMouseEvent", said)
 
     def run_keys(self) -> None:
         """Press Ctrl+Enter."""
@@ -269,8 +312,10 @@ class Page:
         self.until(clicked)
 
     def tab(self, name: str) -> None:
-        """Go to a tab of the results."""
+        """Go to a tab of the results, and wait until it is seen."""
         self.push(name, ".q-tab")
+        self.until(lambda: self.by(".q-tab--active").text.strip() == name)
+        self.until(lambda: any(panel.is_displayed() for panel in self.all(".q-tab-panel")))
 
     def solved(self) -> None:
         """Run, and wait for the plot of a new answer."""
@@ -292,9 +337,10 @@ class Page:
         self.push(problem, ".q-menu .q-item")
 
     def downloaded(self, name: str) -> Path:
-        """Wait for a download."""
+        """Wait for a download to be whole."""
         path = self.home / name
         self.until(lambda: path.is_file() and path.stat().st_size > 0)
+        self.until(lambda: not any(self.home.glob("*.crdownload")))
         return path
 
     def log(self) -> None:

@@ -19,8 +19,10 @@ LONG = 100.0
 def job(case: Case, guess: Path | None, folder: Path, *rest: Any) -> Finished:
     """Do what the case is for."""
     tell: Callable[[Any], None] = rest[-1]
-    tell(BEGUN)
     kind = str(case.axes.get("kind", "good"))
+    if kind == "frail":
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    tell(BEGUN)
     if kind == "crash":
         os.write(2, b"double free or corruption\n")
         os.abort()
@@ -29,13 +31,10 @@ def job(case: Case, guess: Path | None, folder: Path, *rest: Any) -> Finished:
     if kind == "hang":
         time.sleep(LONG)
     if kind == "deaf":
-        while True:
-            try:
-                time.sleep(LONG)
-            except KeyboardInterrupt:
-                continue
+        tell("here")
+        deaf()
     if kind == "frail":
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        tell("here")
         time.sleep(LONG)
     if kind == "hoard":
         held = []
@@ -50,6 +49,15 @@ def job(case: Case, guess: Path | None, folder: Path, *rest: Any) -> Finished:
         time.sleep(0.3)
     figures = {"cost": 1.0, "guess": None if guess is None else guess.stem, "process": os.getpid()}
     return Finished(case, Ending.PASSED, "yes", figures, (), 0.0, result_path(folder, case.name))
+
+
+def deaf() -> None:
+    """Go on whatever is asked."""
+    while True:
+        try:
+            time.sleep(LONG)
+        except KeyboardInterrupt:
+            continue
 
 
 def copy(case: Case, guess: Path | None, folder: Path, *rest: Any) -> Finished:

@@ -1,4 +1,4 @@
-"""A solve that takes a minute of quick iterations, for tests that interrupt it."""
+"""A solve that takes minutes of quick iterations, for tests that interrupt it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 from quito_cli.problem.library import bundled
 
 _SLOWLY = (
-    "options: {steps: 101, max_iterations: 10000, solver_options: {barrier_tol_factor: 1.0e-4, "
+    "options: {steps: 901, max_iterations: 10000, solver_options: {barrier_tol_factor: 1.0e-4, "
     "mu_linear_decrease_factor: 0.999, mu_superlinear_decrease_power: 1.0001}}\n"
 )
 """The barrier parameter is lowered by a thousandth at a time."""

@@ -70,7 +70,7 @@ def comes_to(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
             names = [case.name for case in suite.cases]
             return tuple(case for case in cases if case.case.name in names), interrupted
 
-        monkeypatch.setattr("quito_cli.cli.batch._run", ran)
+        monkeypatch.setattr("quito_cli.batch.running._finished", ran)
 
     return set_to
 
@@ -184,7 +184,7 @@ def test_all_reports_of_a_run(quito: Quito, comes_to: Comes) -> None:
 def test_what_cannot_be_made_is_refused_before_the_run(
     quito: Quito, monkeypatch: pytest.MonkeyPatch, arguments: list[str], message: str
 ) -> None:
-    monkeypatch.setattr("quito_cli.cli.batch._run", lambda *_, **__: pytest.fail("it ran"))
+    monkeypatch.setattr("quito_cli.batch.running._finished", lambda *_, **__: pytest.fail("it ran"))
     refused = quito("batch", "nightly.yaml", *arguments)
     assert refused.code == 2
     assert message in refused.err
@@ -220,7 +220,7 @@ def test_times_are_held_against_the_fastest_calibration(
     ready = holding.prepare(path, 1, update=False)
     suite = Suite("nightly", "", (Case("a", "van_der_pol"),), {})
     done = [answered("a", {"processor_seconds": 0.31})]
-    (row,) = holding.report_of(suite, done, 1.0, ready, whole=True).differences
+    (row,) = holding.report_of(suite, done, 1.0, ready).differences
     assert row.found == pytest.approx(3.1)
     assert holding.prepare(path, None, update=False).calibration is None, "on other machines"
     ignoring = Baseline({}, {"processor_time": None})

@@ -426,7 +426,7 @@ cost: {lagrange: abs(u)}
 
 
 def test_a_kink_of_the_hamiltonian_is_where_the_control_rests(solve: Solve, model: Build) -> None:
-    """Bang-off-bang: u = 0 lies between the one-sided derivatives λ − 1 and λ + 1.
+    """Bang-off-bang: at u = 0 zero lies between the one-sided derivatives λ − 1 and λ + 1.
 
     The answer is that of u = a − b, which has no kink.
     """
@@ -444,10 +444,10 @@ def test_a_kink_of_the_hamiltonian_is_where_the_control_rests(solve: Solve, mode
         extremal=None,
     )
     found = certify(model(KINKED), answer)
-    assert kinds(found.arcs, "u") == "lower interior upper"
+    assert kinds(found.arcs, "u") == "lower kink upper"
     assert failing(found.certificate) == {}
     wrong = certify(model(KINKED), replace(answer, costates=1.5 * answer.costates))
-    assert "dH/du = 0 on singular arcs of u" in failing(wrong.certificate)
+    assert "sign of dH/du on arcs of u⁻ at its bounds" in failing(wrong.certificate)
 
 
 @pytest.mark.parametrize("scheme", ["euler", "trapezoidal", "rk4"])

@@ -569,12 +569,8 @@ def test_as_a_module(tmp_path: Path) -> None:
 # Help
 
 
-@pytest.mark.parametrize("command", ["", *COMMANDS])
-def test_help_says_what_there_is_and_loads_nothing_heavy(command: str, tmp_path: Path) -> None:
-    """Recent typer reads its own types by pydantic to help with a command; quito itself does not.
-
-    What of quito is loaded then must not be what needs pydantic.
-    """
+def loads(folder: Path, *arguments: str) -> tuple[set[str], str]:
+    """Return which modules a command has loaded in a process of its own, and what it printed."""
     code = (
         "import sys\n"
         "from quito_cli.cli.app import main\n"
@@ -582,26 +578,57 @@ def test_help_says_what_there_is_and_loads_nothing_heavy(command: str, tmp_path:
         "except SystemExit as left:\n    assert not left.code\n"
         "print(*sys.modules, file=sys.stderr)\n"
     )
-    arguments = [command] if command else []
     ran = subprocess.run(
-        [sys.executable, "-c", code, *arguments, "--help"],
-        cwd=tmp_path,
+        [sys.executable, "-c", code, *arguments],
+        cwd=folder,
         env=ENVIRONMENT,
         capture_output=True,
         encoding="utf-8",
         timeout=60,
         check=True,
     )
-    loaded = set(ran.stderr.split())
+    return set(ran.stderr.split()), ran.stdout
+
+
+@pytest.mark.parametrize("command", ["", *COMMANDS])
+def test_help_says_what_there_is_and_loads_nothing_heavy(command: str, tmp_path: Path) -> None:
+    """Recent typer reads its own types by pydantic to help with a command; quito itself does not.
+
+    What of quito is loaded then must not be what needs pydantic.
+    """
+    arguments = [command] if command else []
+    loaded, printed = loads(tmp_path, *arguments, "--help")
     assert "quito_cli.cli.app" in loaded
     allowed = {"pydantic"} if command else set()
     assert loaded.isdisjoint(set(HEAVY) - allowed)
     assert not any(name.startswith("quito_cli.problem") for name in loaded)
     if command:
-        assert f"quito_cli {command}" in ran.stdout or f"-c {command}" in ran.stdout
+        assert f"quito_cli {command}" in printed or f"-c {command}" in printed
     else:
-        assert all(re.search(rf"^  {name} ", ran.stdout, re.MULTILINE) for name in COMMANDS)
-        assert "130 interrupted" in " ".join(ran.stdout.split())
+        assert all(re.search(rf"^  {name} ", printed, re.MULTILINE) for name in COMMANDS)
+        assert "130 interrupted" in " ".join(printed.split())
+
+
+def test_a_short_solve_loads_what_it_takes(tmp_path: Path) -> None:
+    """Not the way to answers of other kinds, nor parts of numpy that take as long as the solve."""
+    loaded, _ = loads(tmp_path, "solve", "alychan", "--no-plot")
+    assert {"casadi", "h5py", "quito_cli.optimality.certificate"} <= loaded
+    others = {
+        *("matplotlib", "scipy", "numpy.ma", "numpy.polynomial"),
+        *("quito_cli.refinement.refine", "quito_cli.transcription.collocation"),
+        *("quito_cli.optimality.polished", "quito_cli.optimality.lesser"),
+        *("quito_cli.solvers.child", "quito_cli.solvers.scipy"),
+    }
+    assert loaded.isdisjoint(others), loaded & others
+
+
+def test_a_command_is_known_wherever_it_stands(quito_: Quito) -> None:
+    """Alone where it comes first; what comes first and is none is told which there are."""
+    assert "solve" not in quito_("check", "--help").out.split("Options")[0]
+    assert quito_("--version").code == 0
+    wrong = quito_("sovle", "alychan")
+    assert wrong.code == 2
+    assert "'solve'" in wrong.err
 
 
 def test_help_names_every_option_with_its_default(quito_: Quito) -> None:

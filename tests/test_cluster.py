@@ -45,7 +45,7 @@ cost: {lagrange: 0.5*(x^2 + u^2)}
 """
 """V = a² tanh(1)/2."""
 TANH = 0.7615941559557649
-PATIENCE = 30.0
+PATIENCE = 120.0
 """Seconds for a process to start."""
 
 
@@ -235,7 +235,7 @@ def test_stopping_ends_what_is_under_way(dask_cluster: Cluster, tmp_path: Path) 
     more = Case("more", "p", {"seconds": 0.0}, text=LQ)
     (one,) = run_on(dask_cluster.address, [more], Setting(1, tmp_path, "all", job=waits))
     assert one.ending is Ending.PASSED  # the workers are free again
-    assert time.monotonic() - began < 20
+    assert time.monotonic() - began < 50  # of the minute that they would take
 
 
 def test_sweeps_and_suites_go_there_by_the_command_line(

@@ -46,6 +46,7 @@ TOLERANCES = {
     "goddard": Tolerance(2e-8, 1e-3),
     # A jump is spread over a few cells: time is lost, whatever else the control does right.
     "lotka_volterra_fishing": Tolerance(3e-4, 4e-3),
+    "minimum_fuel": Tolerance(3e-4, 1e-6),
     "minimum_time": Tolerance(2e-4, 1e-6),
     "moon_lander": Tolerance(2e-4, 1e-6),
     "robot_arm": Tolerance(7e-4, 1e-6),

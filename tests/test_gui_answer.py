@@ -151,6 +151,60 @@ def test_switching_times_and_arcs_are_marked(bang: quito.Solution) -> None:
         ("lower", "at lower bound"),
     ]
     assert u.spans[0].end == pytest.approx(1, abs=1e-3)
+    assert mark.own
+    others = [one for one in answer.charts if one.kind != "plan" and one != u]
+    assert {one.kind for one in others} == {"states", "costates", "switching"}
+    for one in others:  # it is marked there too, as another's
+        assert [(each.time, each.said, each.own) for each in one.marks] == [
+            (mark.time, mark.said, False)
+        ]
+
+
+def test_what_is_no_shape_of_the_hamiltonian_is_not_drawn_as_one(
+    answer: Answer, solution: quito.Solution
+) -> None:
+    """H = u² + λ_x v + λ_v u is constant, here −36: its terms are of that size."""
+    drawn = chart(answer, "switching", "Hamiltonian")
+    assert drawn.low is not None
+    assert drawn.high is not None
+    ys = np.array(drawn.lines[0].y, dtype=float)
+    assert ys == pytest.approx(-36, rel=1e-2)
+    assert drawn.low < ys.min() < ys.max() < drawn.high
+    assert 0.1 < drawn.high - drawn.low < 10
+
+
+def test_each_control_has_its_own_switching_times_and_constraints_theirs() -> None:
+    text = BANG.replace("controls: {u:", "controls: {w: {lower: 0, upper: 1}, u:")
+    text = text.replace("v: u}", "v: u + 0*w}").replace(
+        "cost: {mayer: t}", "cost: {mayer: t, lagrange: w}"
+    )
+    text = text.replace("v: {initial: 0, final: 0}", "v: {initial: 0, final: 0, upper: 0.5}")
+    found = of_solution(quito.solve(load_text(text, "slow.yaml"), mesh="adaptive"), {})
+    u, w = (chart(found, "controls", name) for name in "uw")
+    # at full speed 1/2 from t = 1/2 until 2 (0.125 of the way each to get there and to stop)
+    assert [each.time for each in u.marks] == pytest.approx([0.5, 2], abs=5e-3)
+    assert all(each.own for each in u.marks)
+    assert not any(each.own for each in w.marks)
+    assert "v becomes active" in u.marks[0].said
+    assert "v is left" in u.marks[1].said
+
+
+def test_a_polished_answer_has_the_reference_at_its_own_times() -> None:
+    reference = """\
+reference:
+  cost: 2
+  accuracy: 1.0e-9
+  verified: by hand
+  switching_times: [1]
+  control: {u: [{until: 1, value: 1}, {value: -1}]}
+"""
+    polished = quito.solve(load_text(BANG + reference, "bang.yaml"), polish=True)
+    assert polished.polished
+    ours, known = chart(of_solution(polished, {}), "controls", "u").lines
+    for line in (ours, known):  # both jump at 1, one at the node, the other in between
+        times, values = np.array(line.x, dtype=float), np.array(line.y, dtype=float)
+        assert values[times < 0.99] == pytest.approx(1, abs=1e-6)
+        assert values[times > 1.01] == pytest.approx(-1, abs=1e-6)
 
 
 def test_plans_have_their_obstacles(bang: quito.Solution) -> None:
@@ -177,7 +231,7 @@ def test_plans_in_space_are_seen_along_every_axis() -> None:
 
 def test_what_is_not_finite_is_a_gap(answer: Answer, tmp_path: Path) -> None:
     times, values = np.arange(4.0), np.array([1.0, np.nan, np.inf, 1e300])
-    line = charts._line("x", "answer", times, values)
+    line = charts._line("x", 0, times, values)
     assert line.y == (1.0, None, None, None)
     gap = replace(answer, charts=(replace(answer.charts[0], lines=(line,)),))
     gap.save(tmp_path)
@@ -189,7 +243,7 @@ def test_a_long_line_is_thinned_to_the_same_picture() -> None:
     times = np.linspace(0, 1, 50_001)
     values = np.sin(40 * times)
     values[12_345] = 7.0  # a single peak
-    line = charts._line("x", "answer", times, values)
+    line = charts._line("x", 0, times, values)
     assert len(line.x) < 2_500
     assert (line.x[0], line.x[-1], max(y for y in line.y if y is not None)) == (0, 1, 7)
 
@@ -205,8 +259,23 @@ def test_a_comparison_has_the_tables_of_the_command() -> None:
         assert len(table.heads) == len(table.helps) == len(table.rows[0])
     assert answer.notes[0].startswith("Held against: reference of the file (cost 12")
     u = next(one for one in answer.charts if one.kind == "controls")
-    assert {line.name for line in u.lines} == {"quasi-interpolant:gaussian", "lgr", "reference"}
+    numbers = {line.name: line.number for line in u.lines}
+    assert numbers == {"quasi-interpolant:gaussian": 0, "lgr": 1, "reference": -1}
     assert json.dumps(answer.figures)
+
+
+def test_a_chart_of_a_comparison_is_the_plot_it_was_made_of() -> None:
+    found = compare(load_text(TEXT, "rest.yaml"), "lgr", steps=20)
+    made = of_comparison(found, {}).charts
+    plots = [panel for view in charts.VIEWS.values() for panel in view(found)]
+    assert len(made) == len(plots) > 4
+    for one, panel in zip(made, plots, strict=True):
+        again = charts.panel_of(one)
+        assert replace(again, traces=()) == replace(panel, traces=())
+        for a, b in zip(again.traces, panel.traces, strict=True):
+            assert (a.method, a.rough) == (b.method, b.rough)
+            assert a.x == pytest.approx(b.x, rel=1e-8)
+            assert a.y == pytest.approx(b.y, rel=1e-8, nan_ok=True)
 
 
 # Taking away
@@ -225,6 +294,28 @@ def test_everything_can_be_taken_away_and_is_made_once(folder: Path) -> None:
     assert (folder / "export.yaml").read_text() == TEXT
     assert quito.Solution.load(export(folder, "h5").path).cost == pytest.approx(12, rel=1e-4)
     assert quito.load(folder / "export.yaml").title.startswith("Rest to rest")
+
+
+def test_a_comparison_can_be_taken_away(tmp_path: Path, solution: quito.Solution) -> None:
+    found = compare(load_text(TEXT, "rest.yaml"), "lgr", result=solution)
+    answer = of_comparison(found, {})
+    answer.save(tmp_path)
+    solution.save(tmp_path / "result.h5")
+    for form, begins in (("png", b"\x89PNG"), ("pdf", b"%PDF-"), ("svg", b"<?xml")):
+        made = export(tmp_path, form)
+        assert made.filename == f"rest-compare.{form}"
+        assert made.path.read_bytes().startswith(begins)
+    drawn = (tmp_path / "export.svg").read_text("utf-8")
+    for said in ("quasi-interpolant:gaussian", "lgr", "reference of the file", "error of u"):
+        assert f"<!-- {said}" in drawn, said  # matplotlib says in comments what it draws as paths
+    with export(tmp_path, "csv").path.open(encoding="utf-8", newline="") as file:
+        ours, lgr = csv.DictReader(file)
+    assert (ours["method"], lgr["method"]) == ("quasi-interpolant:gaussian", "lgr")
+    assert float(ours["cost"]) == solution.cost
+    assert found.rows[1].errors is not None
+    assert float(lgr["error_l2"]) == found.rows[1].errors.l2
+    assert float(lgr["controls.u.error_l2"]) == found.rows[1].by_control[0].l2
+    assert (ours["options.steps"], lgr["options.discretization"]) == ("40", "lgr")
 
 
 def test_the_table_has_units_and_all_digits(folder: Path, solution: quito.Solution) -> None:
@@ -273,7 +364,7 @@ def test_names_of_downloads_are_names(
 
 @pytest.fixture
 def exporter() -> Iterator[Exporter]:
-    made = Exporter(3.0, 10**9)
+    made = Exporter(60.0, 10**9)
     yield made
     made.close()
 
@@ -296,11 +387,15 @@ def hang(folder: Path, form: str, tell: object) -> None:
 
 
 def test_an_export_that_takes_too_long_is_ended(
-    folder: Path, exporter: Exporter, monkeypatch: pytest.MonkeyPatch
+    folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(exports, "_export", hang)
-    with pytest.raises(QuitoError, match="not made within 3 seconds"):
-        asyncio.run(exporter.export(folder, "csv"))
+    exporter = Exporter(1.0, 10**9)
+    try:
+        with pytest.raises(QuitoError, match="not made within 1 seconds"):
+            asyncio.run(exporter.export(folder, "csv"))
+    finally:
+        exporter.close()
 
 
 # The report

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import time
 import urllib.error
@@ -11,10 +10,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from gui_browser import By, Keys, Page, Server, browsing, needs_browser, serving
+from gui_browser import PATIENCE, Keys, Page, Server, browsing, needs_browser, serving
 from long_solve import LONG
 
 import quito_cli as quito
+from quito_cli.gui.serve import workers
 
 pytestmark = needs_browser
 ROOT = Path(__file__).parent.parent
@@ -77,11 +77,9 @@ def test_a_mistake_is_seen_at_its_line(page: Page) -> None:
     page.type(text.replace("x2: u", "x2: u + velocity"))
     page.until(lambda: "velocity" in page.by(".remarks").text)
     assert f"Line {line}:" in page.by(".remarks").text
-    page.until(lambda: page.all(".cm-line.line-error"))
-    marked = page.by(".cm-line.line-error")
-    assert "velocity" in marked.text
-    assert marked.find_element(By.CSS_SELECTOR, ".said-error").text  # what is wrong, beside it
-    assert "1 error" in page.by(".edit [role=status]").text
+    page.until(lambda: "velocity" in page.by(".cm-line.line-error").text)
+    page.until(lambda: page.by(".cm-line.line-error .said-error").text)  # what is wrong, beside it
+    page.until(lambda: "1 error" in page.by(".edit [role=status]").text)
     page.click("#run")  # it is refused, and the text stays
     page.until(lambda: "velocity" in page.status())
     assert "x2: u + velocity" in page.text()
@@ -104,18 +102,17 @@ def test_typing_is_looked_at_and_kept_by_a_reload(page: Page) -> None:
 
 def test_cancel_keeps_the_iterate(page: Page) -> None:
     page.type(LONG)
-    page.until(lambda: page.field("steps") == "101")
+    page.until(lambda: page.field("steps") == "901")
     page.run_keys()
     page.until(lambda: page.figure("iteration").isdigit() and int(page.figure("iteration")) > 2)
     assert not page.by("#run").is_enabled()
     height = page.by(".run").size["height"]
     page.press(Keys.ESCAPE)
-    page.until(lambda: "topping" in page.status() or "best iterate" in page.status(), 3.0)
     page.until(lambda: "best iterate so far" in page.status())
     page.until(lambda: "Not solved" in page.verdict())
     page.until(lambda: page.all("#plot path"))
     assert page.by(".run").size["height"] == height  # nothing has jumped
-    assert page.by("#run").is_enabled()
+    page.until(lambda: page.by("#run").is_enabled())
 
 
 def test_an_upload_is_solved(page: Page, tmp_path: Path) -> None:
@@ -124,7 +121,7 @@ def test_an_upload_is_solved(page: Page, tmp_path: Path) -> None:
     file.write_text(CART[1], "utf-8")
     page.by(".upload input[type=file]").send_keys(str(file))
     page.until(lambda: "Move a cart" in page.text())
-    assert "My_cart.yaml" in page.by(".edit .bar").text
+    page.until(lambda: "My_cart.yaml" in page.by(".edit .bar").text)
     page.solved()
     assert "Solved" in page.verdict()
 
@@ -146,34 +143,33 @@ def test_the_result_is_downloaded_and_loaded(page: Page) -> None:
 def test_two_tabs_do_not_disturb_each_other(page: Page, server: Server) -> None:
     one = page.driver.current_window_handle
     page.type(LONG)
-    page.until(lambda: page.field("steps") == "101")
+    page.until(lambda: page.field("steps") == "901")
     page.click("#run")
     page.until(lambda: "unning" in page.status())
     two = page.open(server.address)
     assert "Aly-Chan" in page.text()
     assert "No result yet" in page.verdict()
     page.click("#run")
-    page.until(lambda: page.status() != "")
-    waits = "number 1 in the queue" in page.status()
-    assert waits or os.cpu_count() != 2  # there is one worker here
+    if workers() == 1:  # else there is one for it
+        page.until(lambda: "number 1 in the queue" in page.status())
     page.driver.switch_to.window(one)
     assert page.text().count("\n") == LONG.count("\n")
     page.click("#cancel")
     page.until(lambda: "best iterate so far" in page.status())
     page.driver.switch_to.window(two)
-    page.until(lambda: "Solved" in page.verdict())
+    page.until(lambda: page.verdict().startswith("Solved"))
     assert "alychan" in page.verdict()
 
 
 def test_a_reload_in_the_middle_of_a_solve(page: Page) -> None:
     page.type(LONG)
-    page.until(lambda: page.field("steps") == "101")
+    page.until(lambda: page.field("steps") == "901")
     page.click("#run")
     page.until(lambda: page.figure("iteration").isdigit())
     page.driver.refresh()
     page.ready()
     page.until(lambda: page.figure("iteration").isdigit())
-    assert not page.by("#run").is_enabled()
+    page.until(lambda: not page.by("#run").is_enabled())
     page.click("#cancel")
     page.until(lambda: "Not solved" in page.verdict())
     page.driver.refresh()  # and what was found is there after another one
@@ -214,6 +210,7 @@ def test_a_hostile_file(page: Page, server: Server, tmp_path: Path) -> None:
         page.tab(name)
     assert page.run("return window.bitten === undefined")
     assert "Traceback" not in page.by("body").text
+    page.until(lambda: "no complaints" in page.by(".edit [role=status]").text)
     page.type("a: &a [x]\n" + "".join(f"b{i}: &b{i} [*a, *a]\n" for i in range(20_000)))
     page.until(lambda: "error" in page.by(".edit [role=status]").text)
     assert page.by("#run").is_enabled()  # the page lives on
@@ -261,17 +258,56 @@ def test_runs_are_laid_over_one_another_and_compared(page: Page) -> None:
     page.click("[aria-label='Lay run 1 over it']")
     page.tab("Plots")
     page.until(lambda: "1: alychan" in page.by(".legend").text)
-    page.hover("#plot svg", 90)
-    page.until(lambda: "t = " in page.by("#plot").text)
-    said = page.by("#plot").text.partition("t = ")[2]
+    said = page.until(lambda: page.hovered("#plot", 90).partition("t = ")[2])
     for line in ("u", "u, 1: alychan", "u, reference", "x3, 1: alychan"):
         assert re.search(rf"^{line}\s+-?[\d.]+", said, re.MULTILINE), said
-    page.run("quito.zoom(0.5)")
+    page.run("quito.zoom('plot', 0.5)")
     page.until(lambda: page.run("return quito.chart().getOption().dataZoom[0].end") == 75)
     page.tab("Compare")
     page.push("With LGR collocation")
     page.until(lambda: "lgr" in page.by(".q-tab-panels").text.lower() and page.all("table caption"))
     page.until(lambda: "Compared" in page.status())
+    page.until(lambda: len(page.all("#compared-plot path")) > 9)
+    page.push("CSV", "[aria-label='Take away the comparison'] button")
+    assert page.downloaded("alychan-compare.csv").read_text().startswith("method,")
+
+
+def test_a_switching_time_is_told_in_every_plot(page: Page) -> None:
+    page.choose("bang_bang")
+    page.until(lambda: "Bang-bang" in page.text())
+    page.solved()
+    marked = page.run(
+        "const chart = quito.chart(), lines = chart.getOption().series.filter(s => s.markLine);"
+        "const marks = lines.map(line => line.markLine.data.map(mark => mark.name).join('|'));"
+        "const at = chart.convertToPixel({xAxisIndex: 0}, lines[0].markLine.data[0].xAxis);"
+        "return [marks, at, chart.getOption().grid.length]"
+    )
+    marks, at, plots = marked
+    assert len(marks) == plots > 1
+    assert set(marks) == {marks[0]}
+    first = marks[0].split("|")[0]
+    assert "jumps" in first
+    below = " ".join(first.split())
+    page.until(lambda: below in " ".join(page.hovered("#plot", 90, at).split()))
+    page.until(lambda: "jumps" not in page.hovered("#plot", 90, at + 60))
+    assert "switching time" in page.by(".legend").text
+    page.drag("#plot", 90, at, at + 90)  # a band is what is seen from then on
+    zoom = "const zoom = quito.chart().getOption().dataZoom[0]; return [zoom.start, zoom.end]"
+    start, end = page.until(lambda: (seen := page.run(zoom)) != [0, 100] and seen)
+    assert 0 < start < end < 100
+
+
+def test_nothing_jumps_while_it_loads_and_solves(page: Page) -> None:
+    page.run(
+        "window.jumps = 0; new PerformanceObserver(list => list.getEntries().forEach("
+        "e => { if (!e.hadRecentInput) window.jumps += e.value; }"
+        ")).observe({type: 'layout-shift', buffered: true})"
+    )
+    page.solved()
+    page.tab("Compare")
+    page.push("With the reference")
+    page.until(lambda: "Compared" in page.status())
+    assert page.run("return window.jumps") < 0.05  # half of what is still called good
 
 
 def test_everything_has_a_name(page: Page) -> None:
@@ -330,7 +366,7 @@ def test_it_fits(page: Page, width: int) -> None:
         page.solved()
         for name in ("Summary", "Certificate", "Compare", "Runs", "Plots"):
             page.tab(name)
-            assert page.run("return document.documentElement.scrollWidth") <= width
+            page.until(lambda: page.run("return document.documentElement.scrollWidth") <= width)
         for dark in (False, True):
             page.darken(dark)
             page.until(lambda: page.faint() == [])  # colours fade into one another
@@ -354,7 +390,7 @@ def test_on_other_addresses_a_token_is_needed(browser: Page, tmp_path: Path) -> 
         plain, _, token = address.partition("?token=")
         assert len(token) > 20
         with pytest.raises(urllib.error.HTTPError, match="401"):
-            urllib.request.urlopen(plain, timeout=10)
+            urllib.request.urlopen(plain, timeout=PATIENCE)
         browser.open(address)  # its socket is let in by the cookie
         assert "Aly-Chan" in browser.text()
         assert "token" not in browser.driver.current_url
@@ -363,17 +399,24 @@ def test_on_other_addresses_a_token_is_needed(browser: Page, tmp_path: Path) -> 
 
 def test_ctrl_c_ends_it_with_its_workers(tmp_path: Path) -> None:
     with serving(tmp_path) as running:
-        children = _descendants(running.process.pid)
-        assert children  # a worker is warm
-        start = time.monotonic()
+        begun = time.monotonic()
+        while not (children := _descendants(running.process.pid)):  # workers get warm
+            assert time.monotonic() - begun < PATIENCE
         assert running.stop() == 0
-        assert time.monotonic() - start < 10.0
-        gone = time.monotonic() + 5.0
-        while any(Path(f"/proc/{child}/stat").exists() for child in children):
-            assert time.monotonic() < gone
+        stopped = time.monotonic()
+        while any(map(_alive, children)):
+            assert time.monotonic() - stopped < PATIENCE
             time.sleep(0.05)
         assert running.process.stdout is not None
         assert "Traceback" not in running.process.stdout.read()
+
+
+def _alive(pid: int) -> bool:
+    """Whether a process is there that is not only waiting to be buried."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
 
 
 def _descendants(pid: int) -> set[int]:

@@ -166,9 +166,7 @@ def test_solvers_that_are_here_are_known(checker: Checker) -> None:
     ids=range(18),
 )
 def test_no_text_does_harm(checker: Checker, text: str) -> None:
-    began = time.monotonic()
     checked = asyncio.run(checker.check(text, "cart"))
-    assert time.monotonic() - began < SECONDS + 2
     for remark in checked.remarks:
         assert "Traceback" not in remark.message
         assert len(remark.message) < 2_000
@@ -179,6 +177,11 @@ def test_no_text_does_harm(checker: Checker, text: str) -> None:
 
 def test_a_text_may_be_named_anything(checker: Checker) -> None:
     assert asyncio.run(checker.check(TEXT, "../../etc/x\0\n")).title == "A cart"
+
+
+def load_this_too(tell: Callable[[Any], None]) -> None:
+    """Load this file in the worker before the clock runs, and what is needed."""
+    checking.load(tell)
 
 
 def late(text: str, name: str, tell: Callable[[Any], None]) -> Checked:
@@ -205,18 +208,18 @@ def stumble(text: str, name: str, tell: Callable[[Any], None]) -> Checked:
 
 
 @pytest.mark.parametrize(
-    ("function", "said"),
+    ("function", "seconds", "said"),
     [
-        (hang, "could not be looked at within 4 seconds"),
-        (eat, "takes too much memory"),
-        (stumble, "its checker failed"),
+        (hang, 1.0, "could not be looked at within 1 seconds"),
+        (eat, 60.0, "takes too much memory"),
+        (stumble, 60.0, "its checker failed"),
     ],
 )
 def test_what_goes_wrong_is_a_remark(
-    monkeypatch: pytest.MonkeyPatch, function: Callable[..., Any], said: str
+    monkeypatch: pytest.MonkeyPatch, function: Callable[..., Any], seconds: float, said: str
 ) -> None:
     monkeypatch.setattr(checking, "look", function)
-    checker = Checker(4.0, 250_000_000, MOST)
+    checker = Checker(seconds, 250_000_000, MOST)
     try:
         checked = asyncio.run(checker.check(TEXT, "cart"))
         assert not checked.ok
@@ -228,7 +231,9 @@ def test_what_goes_wrong_is_a_remark(
 
 
 def test_what_comes_too_late_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    checker = Checker(2.0, MEMORY, MOST)
+    with monkeypatch.context() as patch:
+        patch.setattr(checking, "load", load_this_too)
+        checker = Checker(2.0, MEMORY, MOST)
     try:
         with monkeypatch.context() as patch:
             patch.setattr(checking, "look", late)
@@ -246,6 +251,22 @@ def test_calls_take_turns(checker: Checker) -> None:
         return await asyncio.gather(*(checker.check(text, "cart") for text in texts))
 
     assert [found.title for found in asyncio.run(together())] == [f"Cart {i}" for i in range(10)]
+
+
+def test_closing_ends_what_is_being_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(checking, "load", load_this_too)
+    checker = Checker(3600.0, MEMORY, MOST)
+    asyncio.run(checker.check(TEXT, "cart"))
+    monkeypatch.setattr(checking, "look", late)
+
+    async def close_it_in_between() -> Checked:
+        look = asyncio.create_task(checker.check(TEXT, "cart"))
+        await asyncio.sleep(0.3)
+        await asyncio.to_thread(checker.close)
+        return await look
+
+    found = asyncio.run(asyncio.wait_for(close_it_in_between(), 120.0))
+    assert not found.complete
 
 
 def test_a_closed_checker_says_so() -> None:

@@ -42,7 +42,7 @@ from quito_cli.gui.serve import free_port  # noqa: E402
 from quito_cli.gui.shelf import Shelf  # noqa: E402
 from quito_cli.problem.library import bundled  # noqa: E402
 
-PATIENCE = 200
+PATIENCE = 600
 """Tenths of a second that anything may take."""
 
 
@@ -50,8 +50,8 @@ PATIENCE = 200
 def services(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Services]:
     folder = tmp_path_factory.mktemp("folder")
     (folder / "mine.yaml").write_bytes(bundled()["bang_bang"].read_bytes())
-    desk = Desk(LIMITS, workers=1)
-    checker = Checker(10.0, 1 << 30, LIMITS.characters)
+    desk = Desk(replace(LIMITS, grace=60.0), workers=1)  # who is slow to notice is not ended
+    checker = Checker(60.0, 1 << 30, LIMITS.characters)
     exporter = Exporter(60.0, LIMITS.memory)
     shelf = Shelf(folder, LIMITS.characters)
     yield Services(desk, checker, exporter, shelf, Tabs(desk), LIMITS.characters)
@@ -216,12 +216,14 @@ def test_settings_become_the_command_line(services: Services) -> None:
 
 def test_what_a_file_asks_for_is_the_default(services: Services) -> None:
     async def doing(person: Person) -> None:
+        field = person.one("set-steps")
         text = services.shelf.read("folder", "mine.yaml")
         person.type(re.sub("^options: .*", "options: {steps: 42}", text, flags=re.MULTILINE))
         await person.until(lambda: person.one("set-steps").value == 42)
         assert " -N" not in person.label("command").text
         person.set("steps", 43)
         assert person.label("command").text.endswith("-N 43")
+        assert person.one("set-steps") is field  # what is typed into it meanwhile is not lost
 
     at_the_page(services, doing)
 
@@ -249,7 +251,7 @@ def test_runs_are_seen_laid_over_and_removed(
         with person.user:
             person.one("known").value = False
         await person.until(lambda: "reference" not in person.html("legend"))
-        person.user.find("Remove").click()
+        person.user.find(marker="remove-1").click()
         await person.until(lambda: "1: alychan" not in person.html("legend"))
         person.user.find(marker="take-csv").click()
         await person.until(lambda: taken)
@@ -260,7 +262,10 @@ def test_runs_are_seen_laid_over_and_removed(
     at_the_page(services, doing)
 
 
-def test_compared_with_the_reference(services: Services) -> None:
+def test_compared_with_the_reference(services: Services, monkeypatch: pytest.MonkeyPatch) -> None:
+    taken: list[Path] = []
+    monkeypatch.setattr(UserDownload, "file", lambda _, path, *named: taken.append(path))
+
     async def doing(person: Person) -> None:
         person.set("steps", 20)
         await person.solve()
@@ -270,6 +275,15 @@ def test_compared_with_the_reference(services: Services) -> None:
             text = "".join(e.content for e in person.user.find(ui.html).elements)
         assert "Error of the control" in text
         assert "lgr" in text
+        names = {each["name"] for each in person.one("compared-chart").options["series"]}
+        assert {"lgr", "quasi-interpolant:gaussian", "u, reference", "x1, reference"} <= names
+        labels = [axis["name"] for axis in person.one("compared-chart").options["yAxis"]]
+        assert labels[:2] == ["u", "error of u"]
+        assert labels[-1] == "x3"
+        person.user.find(marker="compared-csv").click()
+        await person.until(lambda: taken)
+        heads, *rows = list(csv.reader(taken[0].read_text("utf-8").splitlines()))
+        assert [row[heads.index("method")] for row in rows][1:] == ["lgr"]
 
     at_the_page(services, doing)
 
@@ -293,7 +307,7 @@ def test_a_reload_finds_text_settings_and_results(services: Services) -> None:
 def test_a_reload_in_the_middle_follows_the_solve(services: Services) -> None:
     async def doing(person: Person) -> None:
         person.type(LONG)
-        await person.until(lambda: person.one("set-steps").value == 101)
+        await person.until(lambda: person.one("set-steps").value == 901)
         person.user.find(marker="run").click()
         await person.until(lambda: person.label("iteration").text != "–")
         await person.open()
@@ -341,14 +355,14 @@ def test_saving_asks_before_it_replaces(services: Services) -> None:
     async def doing(person: Person) -> None:
         for name, word in (("kept.yaml", "saved"), ("mine.yaml", "Keep it")):
             person.user.find(marker="save").click()
-            await person.user.should_see("Save in the folder as")
+            await person.user.should_see("Save in the folder as", retries=PATIENCE)
             with person.user:
                 person.one("name-to-save").value = name
             person.user.find(marker="ok").click()
             if word == "saved":
                 await person.until(lambda: "saved as kept.yaml" in person.label("status").text)
             else:
-                await person.user.should_see("Keep it")
+                await person.user.should_see("Keep it", retries=PATIENCE)
                 person.user.find("Keep it").click()
         assert services.shelf.read("folder", "kept.yaml") == person.text
         assert "bang" in services.shelf.read("folder", "mine.yaml")
@@ -410,8 +424,8 @@ def answer(charts: tuple[Chart, ...]) -> Answer:
 
 def test_a_picture_has_bounds_marks_arcs_and_the_reference() -> None:
     lines = (
-        Line("u", "answer", (0.0, 1.0), (0.0, 1.0)),
-        Line("reference", "reference", (0.0, 1.0), (0.0, None)),
+        Line("u", "answer", 0, (0.0, 1.0), (0.0, 1.0)),
+        Line("reference", "reference", -1, (0.0, 1.0), (0.0, None)),
     )
     chart = Chart(
         "controls",
@@ -420,7 +434,7 @@ def test_a_picture_has_bounds_marks_arcs_and_the_reference() -> None:
         "t",
         lines,
         bounds=(-1.0, 1.0),
-        marks=(Mark(0.5, 0.1, "u jumps"),),
+        marks=(Mark(0.5, 0.1, "0.5 ± 0.1  u jumps", True),),
         spans=(Span(0.0, 0.5, "lower", "at lower bound"), Span(0.5, 1.0, "interior", "interior")),
     )
     drawn = picture(answer((chart,)), ["controls"], (), True)
@@ -428,14 +442,18 @@ def test_a_picture_has_bounds_marks_arcs_and_the_reference() -> None:
     assert [entry.name for entry in drawn.legend] == [
         "reference",
         "bound",
-        "switching time",
+        "switching time 0.5",
         "at a bound",
     ]
     series = drawn.options["series"]
     assert [each["name"] for each in series] == ["~bound -1", "~bound 1", "u", "u, reference"]
     assert series[-1]["markLine"]["data"][0]["xAxis"] == 0.5
     assert len(series[-1]["markArea"]["data"]) == 1
-    assert "u jumps" in drawn.said
+    assert "switching at 0.5 ± 0.1  u jumps" in drawn.said
+    many = replace(chart, marks=tuple(Mark(i / 9, 0.0, f"{i}", False) for i in range(9)))
+    crowded = picture(answer((many,)), ["controls"], (), True)
+    assert crowded
+    assert "9 switching times" in {entry.name for entry in crowded.legend}
     without = picture(answer((chart,)), ["controls"], [("2: p", answer((chart,)))], False)
     assert without
     assert [each["name"] for each in without.options["series"]][2:] == ["u, 2: p", "u"]

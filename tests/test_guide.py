@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 import shlex
+import signal
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
@@ -25,7 +29,12 @@ from quito_cli.solve import Options
 ROOT = Path(__file__).parent.parent
 FOLDER = ROOT / "problems"
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in sorted(FOLDER.glob("*.md"))}
-NO_FAMILY = {"README.md", "options.md", "adaptive-mesh.md", "polish.md", "batch.md", "sweeps.md"}
+NO_FAMILY = {
+    *("README.md", "options.md", "adaptive-mesh.md", "polish.md", "batch.md", "sweeps.md"),
+    "page.md",
+}
+HOME = {"sweeps.md": "sweep", "batch.md": "batch", "page.md": "gui"}
+"""Commands whose options a page names without saying so."""
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
@@ -173,6 +182,9 @@ def test_what_a_page_shows_is_what_happens(
             for command, shown in conversation(step.text):
                 program, *words = shlex.split(command)
                 assert program == "quito"
+                if words[0] == "gui":
+                    assert_shown(shown, served(words))
+                    continue
                 assert run(words, monkeypatch) == expected, command
                 assert_shown(shown, capsys.readouterr().out)
         elif step.language == "python":
@@ -191,6 +203,27 @@ def test_what_a_page_shows_is_what_happens(
                 assert_part_of(step.text, FOLDER / file)
             else:
                 assert kind == "baseline", f"a block of {name} is of no file"  # see test_baseline
+
+
+def served(words: list[str]) -> str:
+    """Run a command that serves until Ctrl-C; return what it prints."""
+    pytest.importorskip("nicegui", reason="the page needs its extra: gui")
+    alone = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST")}
+    process = subprocess.Popen(
+        [sys.executable, "-m", "quito_cli", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=alone,
+        start_new_session=True,
+    )
+    assert process.stdout is not None
+    with process.stdout:
+        said = process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        said += process.stdout.read()
+    assert process.wait() == 0, said
+    return said
 
 
 def assert_part_of(text: str, file: Path) -> None:
@@ -267,7 +300,7 @@ def test_every_option_that_is_named_is_one(
     for name, page in PAGES.items():
         for span in code_spans(page):
             program, *words = span.split()
-            of_page = {"sweeps.md": "sweep", "batch.md": "batch"}.get(name, "solve")
+            of_page = HOME.get(name, "solve")
             command = words[0] if program == "quito" else of_page
             assert command in helps, span
             home = helps["new" if program == "--from" else command]

@@ -181,7 +181,8 @@ def test_messages_name_the_file_as_it_was_given(
     [
         ("bresan", "did you mean 'bressan'?"),
         ("some/where/catalyst_mixing.yml", "did you mean 'catalyst_mixing'?"),
-        ("nothing_like_it", "`quito list` shows the bundled ones"),
+        ("nothing_like_it", "`quito list` shows the bundled problems"),
+        ("regression", "is a suite of cases, no problem: `quito batch regression` runs it"),
         (".", "is a folder"),
     ],
 )

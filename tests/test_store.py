@@ -20,7 +20,7 @@ import xarray
 
 import quito_cli as quito
 from quito_cli.problem.load import load_text
-from quito_cli.solution import store, writing
+from quito_cli.solution import writing
 from quito_cli.solution.polishing import Polishing, PolishStatus, PolishStep
 
 Solve = Callable[..., quito.Solution]
@@ -511,7 +511,7 @@ def test_whatever_the_library_says_of_a_damaged_file_it_is_refused(
     def damaged(file: h5py.File) -> None:
         raise RuntimeError("Error iterating over attributes (ran off end of input buffer)")
 
-    monkeypatch.setattr(store, "read", damaged)
+    monkeypatch.setattr("quito_cli.solution.reading.read", damaged)
     refused(saved)
 
 

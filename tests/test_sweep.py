@@ -689,7 +689,7 @@ def test_a_figure_that_was_not_asked_for_at_first_is_told_missing(
     [
         ([], "a sweep goes over something: add --over"),
         (["--over", "goal=1,2", "--figures", "costs"], "no figure 'costs'; did you mean 'cost'?"),
-        (["--over", "goal=1,2", "-j", "0"], "jobs: a number from 1 on"),
+        (["--over", "goal=1,2", "-j", "0"], "jobs: a number from 1 to 1000"),
         (["--over", "goal=1,2", "--set", "goal=1"], "goal is swept over: leave out --set goal"),
         (["--over", "variance=1,2", "--variance", "3"], "leave out --variance"),
         (["--over", "goal=1,2", "--cluster", "tcp://a:1", "-j", "2"], "a cluster has its own"),
@@ -723,7 +723,7 @@ def test_interrupted_it_keeps_what_is_done_and_goes_on_from_there(
         assert running.stdout is not None
         assert running.stdout.readline().startswith(b"passed")
         running.send_signal(signal.SIGINT)
-        _, said = running.communicate(timeout=30)
+        _, said = running.communicate(timeout=120)
     assert running.returncode == 130
     assert b"--resume goes on" in said
     before = opened(out / "reach-sweep.h5")
@@ -732,7 +732,7 @@ def test_interrupted_it_keeps_what_is_done_and_goes_on_from_there(
     assert (before["ending"].values[-1], np.isnan(before["cost"].values[-1])) == ("", True)
     times = {path: path.stat().st_mtime_ns for path in (out / "reach-sweep").glob("*.h5")}
     again = subprocess.run(
-        [*line, "--resume", "--json"], capture_output=True, timeout=60, check=True
+        [*line, "--resume", "--json"], capture_output=True, timeout=240, check=True
     )
     assert json.loads(again.stdout)["solved"] == 24
     first = out / "reach-sweep" / "goal=0.01.h5"
@@ -841,10 +841,10 @@ def test_sweeps_and_matrices_of_a_suite_are_written(
 ) -> None:
     text = SUITE.replace("    matrix: {variance: [2, 3]}\n", "") + "  - van_der_pol\n"
     suite = suite_at(tmp_path, text)
-    (grid,) = grids(suite)
+    (grid,) = grids(suite.cases)
     assert [axis.name for axis in grid.axes] == ["goal", "substeps"]
     assert [axis.option for axis in grid.axes] == [False, True]
-    assert grids(replace(suite, cases=suite.cases[1:])) == ()  # a case is missing
+    assert grids(suite.cases[1:]) == ()  # a case is missing
     out = tmp_path / "out"
     arguments = [str(tmp_path / "suite.yaml"), "--sweeps", "-o", str(out), "-j", "1"]
     assert command(["batch", *arguments, "--filter", "reach"], monkeypatch) == 0

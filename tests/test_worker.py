@@ -160,7 +160,7 @@ def told(worker: Worker, *job: Any) -> list[Answer]:
 
 def gone(process: int) -> bool:
     """Whether a process ends within some seconds."""
-    for _ in range(100):
+    for _ in range(600):
         status = Path(f"/proc/{process}/stat")
         try:
             if status.read_text().rpartition(")")[2].split()[0] == "Z":
@@ -240,7 +240,7 @@ def test_a_hanging_job_is_killed(worker: Worker) -> None:
     assert worker.receive() == Told("asleep")
     began = time.perf_counter()
     worker.kill()
-    assert time.perf_counter() - began < 2
+    assert time.perf_counter() - began < LONG / 2
     assert not worker.busy
     assert told(worker, double, 3) == [Returned(6)]
 

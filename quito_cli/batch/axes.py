@@ -20,7 +20,7 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Any, Final
 
-from quito_cli.batch.axis_values import FORMS, kinds_of, number, value_of
+from quito_cli.batch.axis_values import FORMS, LONGEST, kinds_of, number, value_of
 from quito_cli.batch.case import Scalar
 from quito_cli.errors import UsageError
 from quito_cli.problem.load import SETTABLE
@@ -41,8 +41,6 @@ _DIGITS: Final = 15
 """Of a point between two others on a logarithmic axis: the last would be rounding."""
 _EVEN: Final = 1e-6
 """How much steps that are the same may differ."""
-_LONGEST: Final = 80
-"""Characters of what was given that are repeated in a message."""
 _SHORT: Final = 6
 """Digits of a value in the name of a case, where that tells it from the others."""
 
@@ -118,7 +116,7 @@ def parse(given: Iterable[str], problem: Problem) -> tuple[Axis, ...]:
         try:
             axes.append(axis(name.strip(), values.strip(), there))
         except UsageError as error:
-            raise UsageError(f"--over {text[:_LONGEST]}: {error}") from None
+            raise UsageError(f"--over {text[:LONGEST]}: {error}") from None
     refuse_unswept(axes)
     return tuple(axes)
 

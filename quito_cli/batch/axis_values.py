@@ -11,6 +11,8 @@ from quito_cli.errors import UsageError
 from quito_cli.problem.options import CommonOptions
 
 FORMS: Final = "write START:STOP:POINTS, START:STOP:POINTS:log, or values with commas between"
+LONGEST: Final = 80
+"""Characters of what was given that are repeated in a message."""
 _SWITCH: Final = {"true": True, "yes": True, "false": False, "no": False}
 
 
@@ -23,7 +25,7 @@ def value_of(name: str, model: type[CommonOptions] | None, given: Any) -> Scalar
     if model is not None:
         return _option_value(name, model, given)
     if isinstance(given, bool) or not isinstance(given, str | int | float):
-        raise UsageError(f"{given!r} is no number")
+        raise UsageError(f"{str(given)[:LONGEST]} is no number")
     return float(number(str(given).strip()))
 
 
@@ -47,7 +49,7 @@ def number(text: str) -> Fraction | float:
     value = reader.number(("value",), text, {})
     if value is None or not math.isfinite(value):
         said = reader.complaints[0].message if reader.complaints else "no finite number"
-        raise UsageError(f"{text!r} is no number: {said}")
+        raise UsageError(f"{text[:LONGEST]!r} is no number: {said}")
     return value
 
 
@@ -65,7 +67,7 @@ def _option_value(name: str, model: type[CommonOptions], given: Any) -> Scalar:
     try:
         options = model.model_validate({name: value})
     except ValidationError as error:
-        raise UsageError(f"{given}: {expected(error.errors()[0])}") from None
+        raise UsageError(f"{str(given)[:LONGEST]}: {expected(error.errors()[0])}") from None
     read: Scalar = getattr(options, name)
     return float(read) if kinds_of(name, model) == (float,) else read
 

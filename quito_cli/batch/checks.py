@@ -34,7 +34,7 @@ def wording(expected: Expectation) -> str:
     parts = []
     if expected.target is not None:
         tolerance = [f"{expected.absolute:g}"] if expected.absolute is not None else []
-        tolerance += [f"{expected.relative:g} of it"] if expected.relative is not None else []
+        tolerance += [f"{100 * expected.relative:g} %"] if expected.relative is not None else []
         parts.append(
             " ± ".join([shown(expected.target), *([" or ".join(tolerance)] * bool(tolerance))])
         )

@@ -73,7 +73,7 @@ class _Root(Group):
     """A file itself, to be written as its groups are."""
 
     def __init__(self, file: h5py.File) -> None:
-        self.group = file
+        self._begin(file)
 
 
 def grid() -> Array:
@@ -151,8 +151,8 @@ def _write_figures(into: Group, swept: Swept) -> None:
     """Write whether and how the cases were solved, and what is known of the answers."""
     shape, figures = swept.sweep.shape, swept.figures
     axes = _write_axes(into, swept.sweep.axes, _TAKEN.union(figures))
-    into.data("success", np.array(swept.solved, dtype=np.int8).reshape(shape), *axes)
-    into.group["success"].attrs["dtype"] = "bool"  # how xarray writes and reads truth values
+    success = np.array(swept.solved, dtype=np.int8).reshape(shape)
+    into.data("success", success, *axes)["dtype"] = "bool"  # how xarray has truth values
     endings = ["" if one is None else one.ending.name.lower() for one in swept.finished]
     messages = ["" if one is None else one.message for one in swept.finished]
     into.data("ending", _texts(endings).reshape(shape), *axes)

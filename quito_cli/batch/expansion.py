@@ -15,7 +15,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from quito_cli.batch.axes import Axis, Known, refuse_unswept
+from quito_cli.batch.axes import Axis, Known
 from quito_cli.batch.axes import axis as axis_of
 from quito_cli.batch.case import Case, Expectation, Scalar
 from quito_cli.batch.limits import Limits
@@ -92,7 +92,8 @@ def _too_many(entry: Entry, over: Sequence[Axis], place: Path) -> Iterator[Compl
     count = prod([len(values) for values in entry.matrix.values()] + [len(a.values) for a in over])
     if count > MAX_CASES:
         what, key = ("this sweep", "over") if over else ("this matrix", "matrix")
-        message = f"{what} has {count:,} combinations, and {MAX_CASES:,} are the most"
+        more = " and more" if len(over) < len(entry.over) else ""
+        message = f"{what} has {count:,} combinations{more}, and {MAX_CASES:,} are the most"
         yield Complaint((*place, key), message, key=True)
 
 
@@ -109,9 +110,10 @@ def _over(
                 raise UsageError(f"{key} is in the matrix, too: say it in one of the two")
             if content is not None:  # what cannot be read is refused when it is solved
                 axes.append(axis_of(key, values, _known(content)))
-                refuse_unswept(axes)
         except UsageError as error:
             wrong.append(Complaint(at, str(error), length=len(key), key=True))
+        if prod(len(axis.values) for axis in axes) > MAX_CASES:
+            break  # that is told, and the other axes would take their time
     if entry.warm and not entry.over:
         message = "continuation goes along the axes of a sweep: add `over`"
         wrong.append(Complaint((*place, "warm"), message, length=len("warm"), key=True))

@@ -49,7 +49,7 @@ def gather(
         )
     if len(targets) == 1 and suites:
         return load_suite(targets[0])
-    paths = {target: find(target) for target in targets if target not in suites}
+    paths = {target: find(target, bundled_suites()) for target in targets if target not in suites}
     stems = Counter(path.stem for path in paths.values())
     for target in targets:
         if target in suites:
@@ -88,7 +88,8 @@ def selected(suite: Suite, patterns: Sequence[str]) -> Suite:
             while at is not None and at not in chosen:
                 chosen.add(at)
                 at = follows[at]
-    return replace(suite, cases=tuple(case for case in suite.cases if case.name in chosen))
+    cases = tuple(case for case in suite.cases if case.name in chosen)
+    return replace(suite, cases=cases, whole=False)
 
 
 def _means(pattern: str, name: str) -> bool:

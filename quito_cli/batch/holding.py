@@ -78,8 +78,6 @@ def report_of(
     finished: Sequence[Finished],
     seconds: float,
     holding: Holding | None,
-    *,
-    whole: bool,
 ) -> Report:
     """Return the report of a run; where that is wanted, its baseline is written anew.
 
@@ -87,9 +85,8 @@ def report_of(
         suite: what was run.
         finished: what became of its cases.
         seconds: from the start of the run to its end.
-        holding: the baseline; None where there is none.
-        whole: whether the suite is whole, and a case of the baseline which is not of it is
-            missing; not, where a filter left cases out.
+        holding: the baseline; None where there is none. Where the suite is whole, a case that
+            the baseline alone has is missing.
 
     Raises:
         ResultFileError: the baseline cannot be written.
@@ -103,7 +100,7 @@ def report_of(
     baseline, unit = holding.baseline, holding.calibration
     if unit is not None and holding.jobs is not None and not stopped:
         unit = min(unit, _calibration(holding.jobs))
-    everything = [case.name for case in suite.cases] if whole else None
+    everything = [case.name for case in suite.cases] if suite.whole else None
     rows = compare(baseline, cases, unit, maximises, everything)
     recorded = holding.update and not stopped
     if recorded:

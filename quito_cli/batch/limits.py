@@ -12,6 +12,9 @@ _SIZE = re.compile(r"\s*([0-9]+(?:\.[0-9]+)?)\s*([A-Za-z]*)\s*")
 LEAST_MEMORY = 100_000_000
 """Bytes that Python and CasADi need by themselves, about."""
 
+MOST_MEMORY = 2**60
+"""Bytes that no machine has."""
+
 
 @dataclass(frozen=True)
 class Limits:
@@ -32,8 +35,11 @@ def bytes_of(text: str | int) -> int:
     found = _SIZE.fullmatch(str(text))
     factor = _UNITS.get(found[2].lower()) if found else None
     if found is None or factor is None:
-        raise UsageError(f"expected a size such as 500 MB or 2 GB, got {text!r}")
-    size = int(float(found[1]) * factor)
+        raise UsageError(f"expected a size such as 500 MB or 2 GB, got {str(text)[:80]!r}")
+    number = float(found[1])
+    if number * factor > MOST_MEMORY:
+        raise UsageError(f"{str(text)[:20]} is more than there is: write such as 500 MB or 2 GB")
+    size = int(number * factor)
     if size < LEAST_MEMORY:
         raise UsageError(f"{text} is too little for any solve: write 100 MB or more")
     return size

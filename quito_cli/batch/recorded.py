@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Final
 
 from quito_cli.batch.case import Ending, Finished
-from quito_cli.batch.gathering import gather
 from quito_cli.batch.journal import Journal
 from quito_cli.batch.limits import Limits, bytes_of
-from quito_cli.batch.run import NO_LIMITS, Setting, available, run
-from quito_cli.batch.solving import Keep
+from quito_cli.batch.run import NO_LIMITS, Setting, run
 from quito_cli.batch.suite import Suite
 from quito_cli.errors import UsageError
 
@@ -53,43 +51,6 @@ def _runner(setting: Setting) -> Callable[..., Iterator[Finished]]:
     from quito_cli.batch.cluster import run_on
 
     return partial(run_on, setting.cluster)
-
-
-def run_suite(
-    suite: str | Path | Suite | Sequence[str],
-    *,
-    jobs: int | None = None,
-    output: str | Path = "results",
-    time_limit: float | None = None,
-    memory_limit: int | str | None = None,
-    keep: Keep = "all",
-    resume: bool = False,
-) -> tuple[Finished, ...]:
-    """Solve all cases of a suite, as `quito batch` does.
-
-    Args:
-        suite: a suite or a problem file, the name of a bundled one, or several of these.
-        jobs: cases that are solved at once; as many as there are processors by default.
-        output: folder of the result files.
-        time_limit: seconds of a case; by default what the suite says.
-        memory_limit: of a case, in bytes or such as "2 GB"; by default what the suite says.
-        keep: whose result files stay: those of "all" cases, of "failed" ones, or "none".
-        resume: go on where an earlier run stopped.
-
-    Returns:
-        What became of the cases, in the order of the suite.
-
-    Raises:
-        UsageError: no such suite, or nothing to resume.
-        ProblemError: the suite has mistakes; all of them are told.
-    """
-    if isinstance(suite, str | Path):
-        suite = [str(suite)]
-    if not isinstance(suite, Suite):
-        suite = gather(suite, {}, {})
-    suite = limited(suite, time_limit, memory_limit)
-    setting = Setting(jobs or available(), Path(output), keep, suite.limits)
-    return in_order(suite, recorded(suite, setting, resume=resume))
 
 
 def limited(suite: Suite, seconds: float | None, memory: int | str | None) -> Suite:

@@ -6,16 +6,19 @@ All reports are made of it: the tables, JSON, JUnit, Markdown and the page.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
 
-from quito_cli.batch.case import Ending, Finished
+from quito_cli.batch.case import Case, Ending, Finished
 from quito_cli.batch.comparing import Difference, Verdict
 from quito_cli.batch.recorded import counted, exit_code
 from quito_cli.errors import GateError
+
+if TYPE_CHECKING:
+    from quito_cli.batch.sweep import Swept
 
 WORDS: Final[Mapping[Ending, str]] = {
     Ending.PASSED: "passed",
@@ -50,6 +53,84 @@ class Report:
     """From the baseline, those included that are the same; empty where there is none."""
     recorded: bool = False
     """Whether the baseline was written anew, so that its differences are accepted."""
+    planned: tuple[Case, ...] = ()
+    """All cases of the suite, those that have not begun too."""
+    folder: Path = Path()
+    """Where result files and journal are."""
+    interrupted: bool = False
+    """Whether the user stopped it before its end."""
+
+    def __iter__(self) -> Iterator[Finished]:
+        """Yield what became of each case, in the order of the suite."""
+        return iter(self.finished)
+
+    def __len__(self) -> int:
+        """Return how many cases have begun."""
+        return len(self.finished)
+
+    def as_dictionary(self) -> dict[str, Any]:
+        """Return what `quito batch --json` prints; figures that are not finite are numbers here."""
+        from quito_cli.batch.dictionary import as_dictionary
+
+        return as_dictionary(self)
+
+    def write_junit(self, path: str | Path) -> None:
+        """Write JUnit XML, for CI.
+
+        Raises:
+            ResultFileError: the file cannot be written; so with the other files.
+        """
+        from quito_cli.batch.junit import write
+
+        write(self, Path(path))
+
+    def write_markdown(self, path: str | Path) -> None:
+        """Write a summary for the page of a CI job."""
+        from quito_cli.batch.markdown import write
+
+        write(self, Path(path))
+
+    def write_html(self, path: str | Path, plots: str = "failed") -> None:
+        """Write a page with figures and pictures that loads nothing from elsewhere.
+
+        Args:
+            path: of the file.
+            plots: of which cases there are pictures: `failed`, `all` or `none`. They are made of
+                result files: cases that kept none have none.
+
+        Raises:
+            UsageError: there is no such choice.
+        """
+        from quito_cli.batch.html import write
+        from quito_cli.batch.pictures import check_which
+
+        check_which(plots)
+        write(self, Path(path), plots)
+
+    def sweeps(self) -> tuple[Swept, ...]:
+        """Return the sweeps and matrices of the suite, with what became of their cases."""
+        from quito_cli.batch.sweep import collected
+        from quito_cli.batch.sweeping import grids
+
+        return tuple(collected(grid, self.finished) for grid in grids(self.planned))
+
+    def save_sweeps(self, folder: str | Path | None = None, picture: str = "png") -> list[Path]:
+        """Write an HDF5 and pictures of each of the `sweeps`; return the paths.
+
+        Args:
+            folder: where to; by default where the results are.
+            picture: format of the pictures: png, pdf or svg.
+        """
+        from quito_cli.batch.dataset import save
+        from quito_cli.batch.sweeping import SHOWN, SUFFIX
+        from quito_cli.plots.sweep import draw_all
+
+        into, written = self.folder if folder is None else Path(folder), []
+        for swept in self.sweeps():
+            path = into / f"{swept.sweep.name}{SUFFIX}.h5"
+            save(swept, path)
+            written += [path, *draw_all(swept, SHOWN, into, picture)]
+        return written
 
     @cached_property
     def counts(self) -> Mapping[Ending, int]:

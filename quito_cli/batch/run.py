@@ -33,6 +33,8 @@ _GRACE: Final = 20.0
 _LAST_WORDS: Final = 300
 """Characters of what a dead worker printed that are told."""
 NO_LIMITS: Final = Limits(None, None)
+MOST_JOBS: Final = 1000
+"""Processes at once: more is a slip of the finger, and stops the machine."""
 
 
 @dataclass(frozen=True)
@@ -89,12 +91,13 @@ def run(
     own = [] if workers else [Worker(None) for _ in range(min(setting.jobs, len(pending)))]
     places = [_Place(worker) for worker in workers or own]
     everything = {case.name: case for case in cases}
+    followed = frozenset(case.follows for case in cases)
     try:
         while pending or any(place.case for place in places):
             if setting.stop():
                 yield from _stopped(places)
                 return
-            _assign(places, pending, finished, everything, setting)
+            _assign(places, pending, finished, everything, followed, setting)
             for ended in _heard(places, setting):
                 finished[ended.case.name] = ended
                 yield ended
@@ -112,6 +115,8 @@ class _Place:
     started: float = 0.0
     deadline: float | None = None
     limits: Limits = NO_LIMITS
+    begun: bool = False
+    """Whether the case listens to a request to stop."""
 
     def end(self, ending: Ending, message: str) -> Finished:
         """Return its case as one without an answer."""
@@ -123,7 +128,7 @@ class _Place:
     def take(self, case: Case, guess: Path | None, keep: Keep, setting: Setting) -> None:
         """Begin with a case."""
         self.case, self.limits = case, setting.limits.get(case.name, NO_LIMITS)
-        self.started = time.perf_counter()
+        self.started, self.begun = time.perf_counter(), False
         self.deadline = None if self.limits.seconds is None else self.started + _LOADING
         self.worker.memory = self.limits.memory
         watched = setting.watch is not None
@@ -136,7 +141,7 @@ class _Place:
         assert self.case is not None
         match self.worker.receive():
             case Told(message) if message == BEGUN:
-                self.started = time.perf_counter()
+                self.started, self.begun = time.perf_counter(), True
                 if self.limits.seconds is not None:
                     self.deadline = self.started + self.limits.seconds
             case Told(message):
@@ -159,9 +164,10 @@ def _assign(
     pending: dict[str, Case],
     finished: Mapping[str, Finished],
     everything: Mapping[str, Case],
+    followed: Collection[str | None],
     setting: Setting,
 ) -> None:
-    """Give idle workers the first cases that need not wait."""
+    """Give idle workers the first cases that need not wait; results of those followed are kept."""
     for place in places:
         if place.case is not None:
             continue
@@ -170,8 +176,7 @@ def _assign(
         if case is None:
             return
         del pending[case.name]
-        followed = any(other.follows == case.name for other in pending.values())
-        keep: Keep = "all" if followed else setting.keep
+        keep: Keep = "all" if case.name in followed else setting.keep
         place.take(case, answer_before(case, finished, everything), keep, setting)
 
 
@@ -207,12 +212,16 @@ def _heard(places: Sequence[_Place], setting: Setting) -> Iterator[Finished]:
 def _stopped(places: Sequence[_Place]) -> Iterator[Finished]:
     """Ask all that are at work to stop; yield them as interrupted, with what they have.
 
-    A worker that dies of that, such as one whose interpreter was only starting, has not crashed:
-    its case is to be solved when the run is resumed.
+    A worker that dies of that has not crashed: its case is to be solved when the run is resumed.
     """
-    busy = [place for place in places if place.case is not None]
-    for place in busy:
-        place.worker.interrupt()
+    busy = []
+    for place in [place for place in places if place.case is not None]:
+        if place.begun or place.worker.connection.poll():
+            place.worker.interrupt()
+            busy.append(place)
+        else:  # there is nothing to be kept, and nobody yet who would hear
+            place.worker.kill()
+            yield place.end(Ending.INTERRUPTED, "it was stopped before it began")
     end = time.perf_counter() + _GRACE
     quiet = Setting(1, Path(), "none")
     while busy and (left := end - time.perf_counter()) > 0:
@@ -270,6 +279,23 @@ def available() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def workers_of(jobs: int | None, cluster: str | None) -> int:
+    """Return how many cases are solved at once here.
+
+    Args:
+        jobs: as asked for; None: as many as there are processors.
+        cluster: address of a scheduler, whose workers are counted there.
+
+    Raises:
+        UsageError: the number is none, or it is said of a cluster.
+    """
+    if jobs is not None and not 1 <= jobs <= MOST_JOBS:
+        raise UsageError(f"jobs: a number from 1 to {MOST_JOBS} is expected, got {jobs}")
+    if cluster is not None and jobs is not None:
+        raise UsageError("jobs is of this machine, and a cluster has its own: leave it out")
+    return jobs or available()
 
 
 def clean(folder: Path, cases: Sequence[Case]) -> None:

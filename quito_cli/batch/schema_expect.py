@@ -38,7 +38,9 @@ def _read(text: str) -> dict[str, float]:
         return {"most" if limit[1] == "<=" else "least": float(limit[2])}
     near = _NEAR.fullmatch(text.strip())
     if near is None or float(near[2]) < 0:
-        raise ValueError(f"expected a value with its tolerance, or a limit: {_FORMS}, got {text!r}")
+        raise ValueError(
+            f"expected a value with its tolerance, or a limit: {_FORMS}, got {text[:80]!r}"
+        )
     if near[3]:
         return {"target": float(near[1]), "relative": float(near[2]) / 100}
     return {"target": float(near[1]), "absolute": float(near[2])}

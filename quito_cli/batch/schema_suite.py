@@ -24,6 +24,10 @@ MAX_NAMES = 500
 """Values that may be set at once."""
 _LONGEST = 200
 """Characters of a value that stands in the name of a case."""
+_LONGEST_PATH = 1000
+"""Characters of the path of a file."""
+_LONGEST_NAME = 255
+"""Bytes of a file's name that file systems know."""
 _NAME = "^[A-Za-z0-9][A-Za-z0-9_.+-]{0,79}$"
 
 
@@ -51,6 +55,16 @@ def _no_novel(text: str) -> str:
     return text
 
 
+def _no_odd_path(text: str) -> str:
+    if len(text) > _LONGEST_PATH:
+        raise ValueError(f"expected a path of at most {_LONGEST_PATH} characters")
+    if max(len(part.encode()) for part in ("", *text.split("/"))) > _LONGEST_NAME:
+        raise ValueError(f"no file has so long a name: {_LONGEST_NAME} bytes are the most")
+    return text
+
+
+FileName = Annotated[str, AfterValidator(_no_odd_path)]
+"""Path of a file, as seen from the suite."""
 CaseName = Annotated[
     str, AfterValidator(_named), WithJsonSchema({"type": "string", "pattern": _NAME})
 ]
@@ -125,9 +139,9 @@ class Entry(Shared):
         json_schema_extra={"oneOf": [{"required": ["problem"]}, {"required": ["include"]}]}
     )
 
-    problem: str | None = None
+    problem: FileName | None = None
     """A problem file, as seen from the suite, or the name of a bundled problem."""
-    include: str | None = None
+    include: FileName | None = None
     """Files instead of a problem: one, or several by `*` and `?` in the file's name, such as
     problems/*.yaml. Problems are cases each, with what stands beside `include`; of suites, all
     cases, as they stand there."""
@@ -159,7 +173,7 @@ class SuiteFile(Strict):
     cases: Annotated[
         list[
             Annotated[
-                Annotated[str, Tag("=expression")] | Annotated[Entry, Tag("=mapping")],
+                Annotated[FileName, Tag("=expression")] | Annotated[Entry, Tag("=mapping")],
                 Discriminator(kind),
             ]
         ],

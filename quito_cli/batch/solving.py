@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import time
+from collections import OrderedDict
 from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -98,18 +99,34 @@ def processor_seconds() -> float:
 def _solved(
     case: Case, guess: Path | None, listener: Callable[[Progress], None] | None
 ) -> tuple[Problem, Solution]:
-    from quito_cli.problem.load import load, load_text
     from quito_cli.solve import solve
 
-    constants = dict(case.constants)
-    if case.text is None:
-        problem = load(case.problem, constants)
-    else:
-        problem = load_text(case.text, Path(case.problem).name, constants)
-    options = dict(case.options)
+    problem, options = _problem(case), dict(case.options)
     if guess is not None:
         options["guess"] = guess
     return problem, solve(problem, listener=listener, **options)
+
+
+_loaded: OrderedDict[tuple[str, str, str], Problem] = OrderedDict()
+
+
+def _problem(case: Case) -> Problem:
+    """Return the problem of a case: the same object for the same text, so that its formulas are
+    derived once for many cases of a worker."""
+    from quito_cli.problem.build import KEPT
+    from quito_cli.problem.load import find, load_text, text_of
+
+    if case.text is None:
+        path = find(case.problem)
+        text, name = text_of(path), str(path)
+    else:
+        text, name = case.text, Path(case.problem).name
+    key = text, name, repr(dict(case.constants))  # 1, 1.0 and True are told apart
+    if key not in _loaded:
+        if len(_loaded) == KEPT:
+            _loaded.popitem(last=False)
+        _loaded[key] = load_text(text, name, dict(case.constants))
+    return _loaded[key]
 
 
 def _ending(case: Case, solution: Solution, passed: bool) -> Ending:

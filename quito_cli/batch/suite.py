@@ -18,6 +18,7 @@ from quito_cli.batch.expansion import Draft, expanded
 from quito_cli.batch.files import Wrong, matched, problem_of
 from quito_cli.batch.limits import Limits
 from quito_cli.batch.schema_suite import MAX_CASES, Entry, Shared, SuiteFile
+from quito_cli.batch.sizes import Sizes
 from quito_cli.batch.solving import file_stem
 from quito_cli.batch.suite_words import complaint
 from quito_cli.errors import UsageError
@@ -33,6 +34,10 @@ MOST_WRONG: Final = 25
 """Complaints after which the rest of a file is not looked at: it could take for ever."""
 DEEPEST: Final = 8
 """Suites that include one another, in a row."""
+MOST_TEXT: Final = 40_000_000
+"""Characters of all files that a suite names."""
+MOST_SETTINGS: Final = 500_000
+"""Options and constants that the cases of a file may set, all of them together."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +50,8 @@ class Suite:
     cases: tuple[Case, ...]
     limits: Mapping[str, Limits]
     """What each case may take, by its name."""
+    whole: bool = True
+    """Whether it has all of its cases, or those only that were chosen."""
 
 
 def load_suite(where: str | Path) -> Suite:
@@ -77,6 +84,8 @@ class _Reader:
     texts: dict[Path, str] = field(default_factory=dict)
     data: dict[str, Mapping[str, Any] | None] = field(default_factory=dict)
     suites: dict[Path, Suite] = field(default_factory=dict)
+    read: int = 0
+    """Characters of all texts."""
 
     def suite(self, path: Path, name: str, chain: tuple[Path, ...]) -> Suite:
         """Return the suite in a file; `chain` are the files that include it."""
@@ -98,19 +107,24 @@ class _Reader:
     ) -> list[Draft]:
         """Return the cases of a suite; what is wrong with them joins `wrong`."""
         found: list[Draft] = []
+        settings = 0
         for place, entry in file.entries.items():
             try:
                 for draft in self.entry(entry, file.defaults, path, chain, place):
                     found.append(draft)
+                    settings += len(draft.case.constants) + len(draft.case.options)
                     if len(found) > MAX_CASES:
                         raise Wrong(Complaint(place, f"more than {MAX_CASES} cases are too many"))
+                    if settings > MOST_SETTINGS:
+                        said = f"its cases set more than {MOST_SETTINGS:,} values: that is too much"
+                        raise Wrong(Complaint(place, said))
             except Wrong as error:
                 wrong += error.complaints
             except ProblemError:  # of a suite that is included: it says where
                 raise
             except UsageError as error:
                 wrong.append(Complaint(place, str(error)))
-            if len(found) > MAX_CASES or len(wrong) > MOST_WRONG:
+            if max(len(found) - MAX_CASES, settings - MOST_SETTINGS, len(wrong) - MOST_WRONG) > 0:
                 return found
         wrong += _twice(found)
         return found
@@ -143,16 +157,31 @@ class _Reader:
         self, name: str, problem: str, entry: Entry, defaults: Shared, place: Place
     ) -> Iterator[Draft]:
         """Yield a case for every combination of the entry's matrix."""
-        drafts, wrong = expanded(name, problem, entry, defaults, place, self.content(problem))
+        content = self.content(problem)
+        drafts, wrong = expanded(name, problem, entry, defaults, place, content)
         if wrong:
             raise Wrong(*wrong)
-        yield from drafts
+        sizes = Sizes(content)
+        for draft in drafts:
+            if too_large := sizes.complaint(draft.case, entry, place):
+                raise Wrong(too_large)
+            yield draft
 
     def text(self, path: Path) -> str:
-        """Return the text of a file."""
-        if path not in self.texts:
-            self.texts[path] = text_of(path)
-        return self.texts[path]
+        """Return the text of a file.
+
+        Raises:
+            UsageError: it cannot be read, or the suite has named too much already.
+        """
+        real = path.resolve()  # links may give one file many names
+        if real not in self.texts:
+            self.texts[real] = text_of(path)
+            self.read += len(self.texts[real])
+        if self.read > MOST_TEXT:
+            raise UsageError(
+                f"the files of this suite have more than {MOST_TEXT:,} characters: name fewer"
+            )
+        return self.texts[real]
 
     def content(self, problem: str) -> Mapping[str, Any] | None:
         """Return the data of a problem; None where its case will tell what is wrong with it."""

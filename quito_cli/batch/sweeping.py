@@ -11,7 +11,7 @@ from quito_cli.batch.axes import Axis, axis, evenly_multiplied, known, parse, re
 from quito_cli.batch.case import Case, Finished, Scalar
 from quito_cli.batch.figures import COSTLY, FIGURES
 from quito_cli.batch.recorded import limited, recorded
-from quito_cli.batch.run import Setting, available
+from quito_cli.batch.run import Setting, workers_of
 from quito_cli.batch.solving import file_stem
 from quito_cli.batch.suite import Suite
 from quito_cli.batch.sweep import Sweep, Swept, collected, expand, place_of
@@ -66,7 +66,7 @@ def sweep(
     folder = Path(output) / suite.name
     record = tuple(sorted(COSTLY.intersection(known_figures(figures))))
     setting = Setting(
-        jobs or available(), folder, "all", suite.limits, record=record, cluster=cluster
+        workers_of(jobs, cluster), folder, "all", suite.limits, record=record, cluster=cluster
     )
     return run_through(planned, suite, setting, resume=resume)
 
@@ -95,20 +95,20 @@ def suite_of(planned: Sweep) -> Suite:
     return Suite(f"{planned.name}{SUFFIX}", planned.title, planned.cases, {})
 
 
-def grids(suite: Suite) -> tuple[Sweep, ...]:
-    """Return the sweeps and matrices of a suite, each with the cases that it has in a row.
+def grids(cases: Sequence[Case]) -> tuple[Sweep, ...]:
+    """Return the sweeps and matrices of a suite's cases, each with the cases that it has in a row.
 
     Only those whose cases are all there: of a matrix that was filtered there is no grid.
     """
     found = []
-    for (base, problem, names), group in groupby(suite.cases, _origin):
-        cases = tuple(group)
-        axes = tuple(_axis(name, cases) for name in names)
+    for (base, problem, names), group in groupby(cases, _origin):
+        members = tuple(group)
+        axes = tuple(_axis(name, members) for name in names)
         combinations = product(*(axis.values for axis in axes))
-        if names and [tuple(case.axes.values()) for case in cases] == list(combinations):
+        if names and [tuple(case.axes.values()) for case in members] == list(combinations):
             name = file_stem(base)
-            warm = any(case.follows for case in cases)
-            found.append(Sweep(name, base, _text(problem), axes, cases, {}, {}, warm))
+            warm = any(case.follows for case in members)
+            found.append(Sweep(name, base, _text(problem), axes, members, {}, {}, warm))
     return tuple(found)
 
 

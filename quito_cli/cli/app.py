@@ -8,7 +8,8 @@ from __future__ import annotations
 import gc
 import os
 import sys
-from typing import Annotated
+from collections.abc import Callable, Iterable, Mapping
+from typing import Annotated, Final
 
 import typer
 
@@ -28,15 +29,21 @@ from quito_cli.cli.solvers import solvers
 from quito_cli.cli.sweep import sweep
 from quito_cli.errors import QuitoError
 
-app = typer.Typer(
-    name="quito",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-    epilog="Exit codes: 0 solved, 1 not converged, 2 wrong command line or file, 3 outside a limit "
-    "that was set, 130 interrupted.",
-)
+COMMANDS: Final[Mapping[str, Callable[..., None]]] = {
+    "solve": solve,
+    "compare": compare,
+    "batch": batch,
+    "sweep": sweep,
+    "check": check,
+    "list": list_problems,
+    "show": show,
+    "new": new,
+    "plot": plot,
+    "generating-functions": generating_functions,
+    "gui": gui,
+    "schema": schema,
+    "solvers": solvers,
+}
 
 
 def _version(wanted: bool) -> None:
@@ -45,7 +52,6 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def _quito(
     version: Annotated[
         bool,
@@ -58,19 +64,24 @@ def _quito(
     """
 
 
-app.command("solve")(solve)
-app.command("compare")(compare)
-app.command("batch")(batch)
-app.command("sweep")(sweep)
-app.command("check")(check)
-app.command("list")(list_problems)
-app.command("show")(show)
-app.command("new")(new)
-app.command("plot")(plot)
-app.command("generating-functions")(generating_functions)
-app.command("gui")(gui)
-app.command("schema")(schema)
-app.command("solvers")(solvers)
+def _with(commands: Iterable[str]) -> typer.Typer:
+    """Return the command line with some of its commands."""
+    made = typer.Typer(
+        name="quito",
+        no_args_is_help=True,
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+        epilog="Exit codes: 0 solved, 1 not converged, 2 wrong command line or file, 3 outside a "
+        "limit that was set, 130 interrupted.",
+    )
+    made.callback()(_quito)
+    for name in commands:
+        made.command(name)(COMMANDS[name])
+    return made
+
+
+app = _with(COMMANDS)
 
 
 def main() -> None:
@@ -79,8 +90,11 @@ def main() -> None:
         if hasattr(stream, "reconfigure"):  # a narrow locale must not turn output into a crash
             stream.reconfigure(errors="replace")
     gc.disable()  # one command makes no garbage worth the search: a third of a short solve
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # which takes a search for them
+    # Typer makes all of the commands that it has, which takes longer than a problem file does.
+    called = [name for name in sys.argv[1:2] if name in COMMANDS]
     try:
-        app()
+        (_with(called) if called else app)()
     except QuitoError as error:
         print(f"quito: {error}" if "\n" not in str(error) else str(error), file=sys.stderr)
         sys.exit(error.exit_code)

@@ -2,22 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from quito_cli.cli.options import (
-    Cluster,
-    GeneratingFunction,
-    MaxIterations,
-    Settings,
-    Steps,
-    Substeps,
-    Tolerance,
-)
-from quito_cli.cli.output import check_folder, check_jobs
+from quito_cli.cli.options import Cluster, Settings, of_a_solve
+from quito_cli.cli.output import check_folder
 from quito_cli.cli.reports import (
     BaselineFile,
     Html,
@@ -27,21 +18,13 @@ from quito_cli.cli.reports import (
     UpdateBaseline,
     Wanted,
 )
-from quito_cli.cli.solve import INTERRUPTED
-from quito_cli.errors import UsageError
-from quito_cli.solve import Options
+from quito_cli.cli.stopping import Stopping
 
 if TYPE_CHECKING:
-    from quito_cli.batch.case import Finished
     from quito_cli.batch.report import Report
-    from quito_cli.batch.run import Setting
-    from quito_cli.batch.solving import Keep
-    from quito_cli.batch.suite import Suite
-    from quito_cli.cli.live import Live
-
-_KEEPS: tuple[Keep, ...] = ("all", "failed", "none")
 
 
+@of_a_solve
 def batch(
     targets: Annotated[
         list[str],
@@ -50,6 +33,7 @@ def batch(
             help="A suite, or problem files; or names of bundled ones.",
         ),
     ],
+    *,
     jobs: Annotated[
         int | None,
         typer.Option("-j", "--jobs", help="Cases at once. [default: as many as processors]"),
@@ -91,27 +75,7 @@ def batch(
         ),
     ] = False,
     listed: Annotated[bool, typer.Option("--list", help="Show the cases, and solve none.")] = False,
-    steps: Steps = None,
-    variance: Annotated[
-        float | None,
-        typer.Option(
-            help=f"Shape parameter D of the generating function. [default: {Options.variance:g}]"
-        ),
-    ] = None,
-    generating_function: GeneratingFunction = None,
-    discretization: Annotated[
-        str | None,
-        typer.Option(help=f"As in `quito solve`. [default: {Options.discretization}]"),
-    ] = None,
-    substeps: Substeps = None,
-    mesh: Annotated[
-        str | None, typer.Option(help=f"uniform or adaptive. [default: {Options.mesh}]")
-    ] = None,
-    tolerance: Tolerance = None,
-    max_iterations: MaxIterations = None,
-    solver: Annotated[
-        str | None, typer.Option(help=f"One of `quito solvers`. [default: {Options.solver}]")
-    ] = None,
+    options: dict[str, Any],
     settings: Settings = None,
     baseline: BaselineFile = None,
     update_baseline: UpdateBaseline = False,
@@ -137,92 +101,55 @@ def batch(
     Exit codes: 0 all as expected, 3 something outside its tolerance or worse than the baseline, 1
     something did not solve, 2 a wrong suite or a case that was refused, 130 interrupted.
     """
-    from quito_cli.batch.gathering import gather, selected
-    from quito_cli.batch.holding import report_of
-    from quito_cli.batch.recorded import limited
-    from quito_cli.batch.run import Setting, available
-    from quito_cli.problem.load import parse_settings
-
-    options = {
-        "steps": steps,
-        "variance": variance,
-        "generating_function": generating_function,
-        "discretization": discretization,
-        "substeps": substeps,
-        "mesh": mesh,
-        "tolerance": tolerance,
-        "max_iterations": max_iterations,
-        "solver": solver,
-    }
-    given = {name: value for name, value in options.items() if value is not None}
-    wanted = Wanted(baseline, update_baseline, junit, markdown, html, plots)
-    check_folder(output)
-    kept = _checked(keep)
-    check_jobs(jobs, cluster)
-    wanted.check(keep)
-    suite = gather(targets, given, parse_settings(settings or [], "--set"))
-    suite = limited(selected(suite, only or []), time_limit, memory_limit)
-    if listed:
+    with Stopping(output) as stopping:
+        from quito_cli.batch.running import gathered, known, run_suite
         from quito_cli.cli.cases import print_cases
+        from quito_cli.cli.live import Live
+        from quito_cli.problem.load import parse_settings
 
-        print_cases(suite, as_json=as_json)
-        return
-    from quito_cli.cli.live import Live
-
-    workers = jobs or available()
-    holding = wanted.prepare(min(workers, len(suite.cases)) if cluster is None else None)
-    record = holding.baseline.costly if holding else ()
-    live = Live(len(suite.cases), silent=as_json, quiet=quiet, verbose=verbose)
-    setting = Setting(workers, output, kept, suite.limits, record, cluster=cluster)
-    began = time.perf_counter()
-    finished, interrupted = _run(suite, setting, live, resume=resume, fail_fast=fail_fast)
-    seconds = time.perf_counter() - began
-    report = report_of(suite, finished, seconds, holding, whole=not only)
-    files = wanted.write(report)
-    if sweeps:
-        files += _write_sweeps(suite, finished, output)
-    _report(report, output, files, as_json=as_json, quiet=quiet, verbose=verbose)
-    if update_baseline and not report.recorded:
-        typer.echo(f"{baseline} is as it was: the run stopped before its end.", err=True)
-    _leave(report, interrupted)
-
-
-def _checked(keep: str) -> Keep:
-    """Return which result files stay; refuse what means nothing."""
-    for known in _KEEPS:
-        if keep == known:
-            return known
-    raise UsageError(f"keep: expected {', '.join(_KEEPS[:-1])} or {_KEEPS[-1]}, got {keep!r}")
-
-
-def _run(
-    suite: Suite, setting: Setting, live: Live, *, resume: bool, fail_fast: bool
-) -> tuple[tuple[Finished, ...], bool]:
-    """Return what became of the cases, in their order, and whether the user stopped it."""
-    from dataclasses import replace
-
-    from quito_cli.batch.case import Ending
-    from quito_cli.batch.recorded import in_order, recorded
-    from quito_cli.solvers.interruption import interruptible
-
-    finished: list[Finished] = []
-    with interruptible() as interruption, live:
-
-        def stop() -> bool:
-            live.draw()
-            failed = fail_fast and any(one.ending is not Ending.PASSED for one in finished)
-            return interruption.requested or failed
-
-        setting = replace(setting, stop=stop, watch=live.watch if live.moving else None)
-        for one in recorded(suite, setting, resume=resume):
-            finished.append(one)
-            live.show(one)
-        return in_order(suite, finished), interruption.requested
+        wanted = Wanted(baseline, update_baseline, junit, markdown, html, plots)
+        check_folder(output)
+        kept = known(keep)
+        wanted.check(keep)
+        suite = gathered(
+            targets,
+            options=options,
+            constants=dict(parse_settings(settings or [], "--set")),
+            only=only or (),
+            time_limit=time_limit,
+            memory_limit=memory_limit,
+        )
+        if listed:
+            print_cases(suite, as_json=as_json)
+            return
+        live = Live(len(suite.cases), silent=as_json, quiet=quiet, verbose=verbose)
+        with live:
+            stopping.live = live
+            report = run_suite(
+                suite,
+                jobs=jobs,
+                cluster=cluster,
+                output=output,
+                keep=kept,
+                resume=resume,
+                fail_fast=fail_fast,
+                baseline=baseline,
+                update_baseline=update_baseline,
+                watcher=live,
+            )
+        files = wanted.write(report)
+        files += tuple(report.save_sweeps()) if sweeps else ()
+        _report(report, files, as_json=as_json, quiet=quiet, verbose=verbose)
+        if update_baseline and not report.recorded:
+            typer.echo(f"{baseline} is as it was: the run stopped before its end.", err=True)
+        if report.interrupted:
+            stopping.leave()
+    if report.exit_code:
+        raise typer.Exit(report.exit_code)
 
 
 def _report(
     report: Report,
-    folder: Path,
     files: tuple[Path, ...],
     *,
     as_json: bool,
@@ -237,32 +164,6 @@ def _report(
         return
     print_differences(report, quiet=quiet)
     if not quiet:
-        print_summary(report, folder, verbose=verbose)
+        print_summary(report, report.folder, verbose=verbose)
     if not quiet and files:
         typer.echo(f"Saved {', '.join(map(str, files))}")
-
-
-def _write_sweeps(suite: Suite, finished: tuple[Finished, ...], folder: Path) -> tuple[Path, ...]:
-    """Write and draw the grids of a suite; return the paths."""
-    from quito_cli.batch.dataset import save
-    from quito_cli.batch.sweep import collected
-    from quito_cli.batch.sweeping import SHOWN, SUFFIX, grids
-    from quito_cli.plots.sweep import draw_all
-
-    written: list[Path] = []
-    for grid in grids(suite):
-        swept = collected(grid, finished)
-        path = folder / f"{grid.name}{SUFFIX}.h5"
-        save(swept, path)
-        written += (path, *draw_all(swept, SHOWN, folder, "png"))
-    return tuple(written)
-
-
-def _leave(report: Report, interrupted: bool) -> None:
-    """Exit with what the run came to."""
-    if interrupted:
-        begun = f"{len(report.finished)} of {report.cases} cases"
-        typer.echo(f"Interrupted; {begun} had begun: --resume goes on.", err=True)
-        raise typer.Exit(INTERRUPTED)
-    if report.exit_code:
-        raise typer.Exit(report.exit_code)

@@ -34,7 +34,11 @@ class Live:
     """The lines of one run."""
 
     def __init__(self, cases: int, *, silent: bool, quiet: bool, verbose: bool) -> None:
-        self._cases, self._silent, self._quiet, self._verbose = cases, silent, quiet, verbose
+        self.cases = cases
+        """Cases of the run."""
+        self.solved = 0
+        """Those that are done, and were not interrupted."""
+        self._silent, self._quiet, self._verbose = silent, quiet, verbose
         self.moving = sys.stderr.isatty() and sys.stdout.isatty() and not quiet and not silent
         """Whether somebody looks at the cases at work."""
         self._began = time.perf_counter()
@@ -51,6 +55,7 @@ class Live:
         """Print a case that has finished."""
         self._at_work.pop(finished.case.name, None)
         self._done += 1
+        self.solved += finished.ending.name != "INTERRUPTED"
         passed = finished.ending.exit_code == 0
         self._failed += not passed
         if self._silent or (self._quiet and passed):
@@ -70,8 +75,8 @@ class Live:
         room = shutil.get_terminal_size().columns - 1
         at_work = list(self._at_work.items())
         lines = [_line(name, clock - started, at) for name, (started, at) in at_work[:_MOST]]
-        left = self._cases - self._done
-        share = f"{self._done} of {self._cases} done, {self._failed} not passed, {left} to go"
+        left = self.cases - self._done
+        share = f"{self._done} of {self.cases} done, {self._failed} not passed, {left} to go"
         lines.append(f"{share}   {clock - self._began:.0f} s")
         sys.stderr.write("".join(f"{plain(line)[:room]}\n" for line in lines))
         sys.stderr.flush()

@@ -60,15 +60,3 @@ def _check_writable(folder: Path, what: str) -> None:
         raise UsageError(f"{what} cannot be made: {nearest} is not a folder")
     if not os.access(nearest, os.W_OK | os.X_OK):
         raise UsageError(f"{what} cannot be written: no permission")
-
-
-def check_jobs(jobs: int | None, cluster: str | None) -> None:
-    """Refuse a number of jobs that is none, or that is said of a cluster.
-
-    Raises:
-        UsageError: it is so.
-    """
-    if jobs is not None and jobs < 1:
-        raise UsageError(f"jobs: a number from 1 on is expected, got {jobs}")
-    if cluster is not None and jobs is not None:
-        raise UsageError("--jobs is of this machine, and a cluster has its own: leave it out")

@@ -12,7 +12,6 @@ from quito_cli.cli.output import check_file
 from quito_cli.errors import UsageError
 
 if TYPE_CHECKING:
-    from quito_cli.batch.holding import Holding
     from quito_cli.batch.report import Report
 
 BaselineFile = Annotated[
@@ -80,26 +79,12 @@ class Wanted:
             if path is not None:
                 check_file(path)
 
-    def prepare(self, jobs: int | None) -> Holding | None:
-        """Return the baseline to hold a run against, if there is one.
-
-        Args:
-            jobs: its workers here; None where they are on other machines.
-        """
-        if self.baseline is None:
-            return None
-        from quito_cli.batch.holding import prepare
-
-        return prepare(self.baseline, jobs, update=self.update)
-
     def write(self, report: Report) -> tuple[Path, ...]:
         """Write the files that were asked for; return them."""
-        from quito_cli.batch import html, junit, markdown
-
         if self.junit is not None:
-            junit.write(report, self.junit)
+            report.write_junit(self.junit)
         if self.markdown is not None:
-            markdown.write(report, self.markdown)
+            report.write_markdown(self.markdown)
         if self.html is not None:  # last: it takes longest
-            html.write(report, self.html, self.plots or _PLOTS)
+            report.write_html(self.html, self.plots or _PLOTS)
         return tuple(path for path in (self.junit, self.markdown, self.html) if path is not None)

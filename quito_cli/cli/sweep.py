@@ -3,28 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from quito_cli.cli.options import (
-    Cluster,
-    Control,
-    Degree,
-    Discretization,
-    GeneratingFunction,
-    MaxIterations,
-    Mesh,
-    Polish,
-    Settings,
-    Solver,
-    Steps,
-    Substeps,
-    Tolerance,
-    Variance,
-)
-from quito_cli.cli.output import Picture, check_folder, check_jobs, check_picture
-from quito_cli.cli.solve import INTERRUPTED
+from quito_cli.cli.options import Cluster, Settings, of_a_solve
+from quito_cli.cli.output import Picture, check_folder, check_picture
+from quito_cli.cli.stopping import Stopping
 
 if TYPE_CHECKING:
     from quito_cli.batch.run import Setting
@@ -33,8 +18,10 @@ if TYPE_CHECKING:
     from quito_cli.cli.live import Live
 
 
+@of_a_solve
 def sweep(
     problem: Annotated[str, typer.Argument(help="A problem file, or the name of a bundled one.")],
+    *,
     over: Annotated[
         list[str] | None,
         typer.Option(
@@ -73,18 +60,7 @@ def sweep(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on where a run of this sweep stopped.")
     ] = False,
-    steps: Steps = None,
-    variance: Variance = None,
-    generating_function: GeneratingFunction = None,
-    control: Control = None,
-    discretization: Discretization = None,
-    substeps: Substeps = None,
-    degree: Degree = None,
-    mesh: Mesh = None,
-    polish: Polish = None,
-    tolerance: Tolerance = None,
-    max_iterations: MaxIterations = None,
-    solver: Solver = None,
+    options: dict[str, Any],
     settings: Settings = None,
     output: Annotated[
         Path, typer.Option("-o", "--output", help="Folder for the file, the pictures, the results.")
@@ -103,50 +79,36 @@ def sweep(
 
     Exit codes: 0 all solved, 1 some did not, 2 a wrong command line or file, 130 interrupted.
     """
-    from quito_cli.batch.dataset import save
-    from quito_cli.batch.figures import COSTLY
-    from quito_cli.batch.recorded import limited
-    from quito_cli.batch.run import Setting, available
-    from quito_cli.batch.sweeping import SHOWN, known_figures, plan, suite_of
-    from quito_cli.cli.live import Live
-    from quito_cli.problem.load import parse_settings
+    with Stopping(output) as stopping:
+        from quito_cli.batch.dataset import save
+        from quito_cli.batch.figures import COSTLY
+        from quito_cli.batch.recorded import exit_code, limited
+        from quito_cli.batch.run import Setting, workers_of
+        from quito_cli.batch.sweeping import SHOWN, known_figures, plan, suite_of
+        from quito_cli.cli.live import Live
+        from quito_cli.problem.load import parse_settings
 
-    options = {
-        "steps": steps,
-        "variance": variance,
-        "generating_function": generating_function,
-        "control": control,
-        "discretization": discretization,
-        "substeps": substeps,
-        "degree": degree,
-        "mesh": mesh,
-        "polish": polish,
-        "tolerance": tolerance,
-        "max_iterations": max_iterations,
-        "solver": solver,
-    }
-    check_jobs(jobs, cluster)
-    check_picture(picture)
-    check_folder(output)
-    shown = known_figures(name for text in figures or SHOWN for name in text.split(","))
-    constants = parse_settings(settings or [], "--set")
-    planned = plan(problem, over or (), options=options, constants=constants, warm=warm)
-    suite = limited(suite_of(planned), time_limit, memory_limit)
-    setting = Setting(
-        jobs or available(),
-        output / suite.name,
-        "all",
-        suite.limits,
-        record=tuple(sorted(COSTLY.intersection(shown))),
-        cluster=cluster,
-    )
-    live = Live(len(suite.cases), silent=as_json, quiet=quiet, verbose=False)
-    swept, interrupted = _run(planned, suite, setting, live, resume=resume)
-    path = output / f"{suite.name}.h5"
-    save(swept, path)
-    files = (path, *(() if no_plot else _draw(swept, shown, output, picture)))
-    _report(swept, shown, files, setting.folder, as_json=as_json, quiet=quiet)
-    _leave(swept, interrupted)
+        check_picture(picture)
+        check_folder(output)
+        workers = workers_of(jobs, cluster)
+        shown = known_figures(name for text in figures or SHOWN for name in text.split(","))
+        constants = parse_settings(settings or [], "--set")
+        planned = plan(problem, over or (), options=options, constants=constants, warm=warm)
+        suite = limited(suite_of(planned), time_limit, memory_limit)
+        record = tuple(sorted(COSTLY.intersection(shown)))
+        folder = output / suite.name
+        setting = Setting(workers, folder, "all", suite.limits, record, cluster=cluster)
+        live = Live(len(suite.cases), silent=as_json, quiet=quiet, verbose=False)
+        stopping.live = live
+        swept, interrupted = _run(planned, suite, setting, live, resume=resume)
+        path = output / f"{suite.name}.h5"
+        save(swept, path)
+        files = (path, *(() if no_plot else _draw(swept, shown, output, picture)))
+        _report(swept, shown, files, setting.folder, as_json=as_json, quiet=quiet)
+        if interrupted:
+            stopping.leave()
+    if code := exit_code(one for one in swept.finished if one is not None):
+        raise typer.Exit(code)
 
 
 def _run(
@@ -190,15 +152,3 @@ def _report(
         print_json(swept, shown, files)
     elif not quiet:
         print_swept(swept, shown, files, folder)
-
-
-def _leave(swept: Swept, interrupted: bool) -> None:
-    """Exit with what the sweep came to."""
-    from quito_cli.batch.recorded import exit_code
-
-    if interrupted:
-        left = swept.finished.count(None)
-        typer.echo(f"Interrupted; {left} cases had not begun: --resume goes on.", err=True)
-        raise typer.Exit(INTERRUPTED)
-    if code := exit_code(one for one in swept.finished if one is not None):
-        raise typer.Exit(code)

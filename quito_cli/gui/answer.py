@@ -21,6 +21,18 @@ from quito_cli.errors import ResultFileError
 RESULT, ANSWER = "result.h5", "answer.json"
 """Files in the folder of a job."""
 
+Kind = Literal[
+    "states",
+    "controls",
+    "costates",
+    "switching",
+    "plan",
+    "error",
+    "magnified",
+    "logarithmic",
+    "spectrum",
+]
+"""Of a chart: the last four are views of the error in a comparison."""
 Numbers = tuple[float | None, ...]
 """None where there is none: a gap in the line."""
 
@@ -32,8 +44,12 @@ class Line:
     name: str
     """For the legend: of the quantity, of the method, or `reference`."""
     role: Literal["answer", "reference"]
+    number: int
+    """Of the component or of the method, from 0: by it lines are told apart; -1 the reference's."""
     x: Numbers
     y: Numbers
+    rough: bool = False
+    """It may cover others: draw it thin."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +60,8 @@ class Mark:
     uncertainty: float
     said: str
     """`1.36674 ± 1e-05  u jumps -1 → 1`."""
+    own: bool
+    """Whether what the chart shows switches there itself."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +80,7 @@ class Span:
 class Chart:
     """A plot."""
 
-    kind: Literal["states", "controls", "costates", "switching", "plan", "error", "spectrum"]
+    kind: Kind
     name: str
     """Of the quantity; charts of several runs belong together where kind and name are the same."""
     label: str

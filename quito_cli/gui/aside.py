@@ -1,6 +1,8 @@
 """Something done in a process of its own, within limits: quick work with untrusted matter.
 
-Unlike a job at the desk it is waited for, and leaves nothing when it is ended.
+Unlike a job at the desk it is waited for, and leaves nothing when it is ended. A process that has
+just been started loads what it needs before the clock runs: that takes longer than the work, and
+many times longer where the machine has much else to do.
 """
 
 from __future__ import annotations
@@ -12,19 +14,28 @@ from typing import Any
 
 from quito_cli.batch.worker import Died, Raised, Returned, Told, Worker
 
+Ended = Returned | Raised | Died | None
+_LOADING = 120.0
+"""Seconds that a new process may take to load what it needs."""
+_LOOK = 0.1
+"""Seconds between two looks at whether this is closed."""
+
 
 class Aside:
     """A process that does one thing at a time; callers take their turns."""
 
-    def __init__(self, seconds: float, memory: int) -> None:
+    def __init__(self, seconds: float, memory: int, load: Callable[..., Any]) -> None:
         """Prepare; the process is started when there is something to do.
 
         Args:
             seconds: that one thing may take.
             memory: bytes that the process may hold.
+            load: `load(tell)` is what every new process does first; of a module's top level.
         """
         self.seconds = seconds
         self._worker = Worker(memory)
+        self._load = load
+        self._loaded = False
         self._turn = threading.Lock()
         self._closed = False
 
@@ -32,8 +43,8 @@ class Aside:
         self,
         function: Callable[..., Any],
         *arguments: Any,
-        told: Callable[[Any], None] = lambda message: None,
-    ) -> Returned | Raised | Died | None:
+        told: Callable[[Any], None] | None = None,
+    ) -> Ended:
         """Let the process do `function(*arguments, tell)`, and wait for the end of it.
 
         Args:
@@ -45,20 +56,42 @@ class Aside:
             How it ended; None where it did not end in time, or this is closed.
         """
         with self._turn:
-            if self._closed:
-                return None
-            self._worker.start(function, *arguments)
-            until = time.monotonic() + self.seconds
-            while self._worker.connection.poll(max(until - time.monotonic(), 0)):
-                message = self._worker.receive()
-                if not isinstance(message, Told):
-                    return message
-                told(message.message)
-            self._worker.kill()
+            if not self._loaded:
+                loaded = self._within(_LOADING, _unheard, self._load)
+                if not isinstance(loaded, Returned):
+                    return loaded
+                self._loaded = True
+            return self._within(self.seconds, told or _unheard, function, *arguments)
+
+    def _within(
+        self,
+        seconds: float,
+        told: Callable[[Any], None],
+        function: Callable[..., Any],
+        *arguments: Any,
+    ) -> Ended:
+        if self._closed:
             return None
+        self._worker.start(function, *arguments)
+        until = time.monotonic() + seconds
+        while not self._closed and (left := until - time.monotonic()) > 0:
+            if not self._worker.connection.poll(min(left, _LOOK)):
+                continue
+            message = self._worker.receive()
+            if not isinstance(message, Told):
+                self._loaded = self._loaded and not isinstance(message, Died)
+                return message
+            told(message.message)
+        self._worker.kill()
+        self._loaded = False
+        return None
 
     def close(self) -> None:
-        """End the process, when it has done what it is at."""
+        """End the process, whatever it is at."""
         self._closed = True
         with self._turn:
             self._worker.kill()
+
+
+def _unheard(message: Any) -> None:
+    """Nobody listens."""

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.gui.answer import Chart, Line, Mark, Numbers, Span
+from quito_cli.gui.answer import Chart, Kind, Line, Mark, Numbers, Span
 from quito_cli.plots import error_panels, panels
 from quito_cli.plots.arcs import KIND_NAMES
 from quito_cli.plots.curves import Curve, near_bounds
 from quito_cli.plots.figure import PANELS
 from quito_cli.problem.shapes import Ball, Block
-from quito_cli.summary.meshes import said_of
+from quito_cli.summary.switches import Switch, switches
 
 if TYPE_CHECKING:
     from quito_cli.comparison.comparison import Comparison
@@ -29,29 +29,44 @@ _DIGITS: Final = 9
 """Of a value: more than a screen shows at any zoom, and half of what is sent."""
 _ROUND: Final = 65
 """Points of the outline of a circle."""
+_MOST_MARKS: Final = 36
+"""Switching times that are marked in a plot."""
 REFERENCE: Final = "reference"
 
 
 def of_solution(solution: Solution) -> tuple[Chart, ...]:
     """Return states, controls, costates, switching functions, and the plans of the file."""
     found: list[Chart] = []
+    marked = _marked(switches(solution))
     kinds: tuple[Literal["states", "controls", "costates", "switching"], ...]
     kinds = ("states", "controls", "costates", "switching")
     for kind in kinds:
         for curve in PANELS[kind](solution):
             assert isinstance(curve, Curve)
-            found.append(_curve(kind, curve, solution))
+            found.append(_curve(kind, curve, marked))
     return (*found, *(chart for drawn in solution.drawings for chart in _plan(drawn)))
 
 
+def _marked(found: Sequence[Switch]) -> list[Switch]:
+    """Return the switching times that are marked: of very many the highest jumps."""
+    highest = sorted(found, key=lambda one: -one.height)[:_MOST_MARKS]
+    return sorted(highest, key=lambda one: one.time)
+
+
 def _curve(
-    kind: Literal["states", "controls", "costates", "switching"], curve: Curve, solution: Solution
+    kind: Literal["states", "controls", "costates", "switching"],
+    curve: Curve,
+    marked: Sequence[Switch],
 ) -> Chart:
-    lines = [_line(line.name, "answer", curve.times, line.values) for line in curve.lines]
+    names = {line.name for line in curve.lines} if kind == "controls" else set()
+    lines = [_line(one.name, i, curve.times, one.values) for i, one in enumerate(curve.lines)]
+    known_times = curve.times if curve.known_times is None else curve.known_times
     for line in curve.lines:
         if line.known is not None:
             name = REFERENCE if len(curve.lines) == 1 else f"{line.name}, {REFERENCE}"
-            lines.append(_line(name, "reference", curve.times, line.known))
+            lines.append(_line(name, -1, known_times, line.known))
+    low, high = panels.span([line.values for line in curve.lines])
+    flat, middle = high - low < curve.least, (low + high) / 2  # what is so small is no shape
     return Chart(
         kind,
         curve.lines[0].name if len(curve.lines) == 1 else curve.label,
@@ -59,19 +74,25 @@ def _curve(
         "t",
         tuple(lines),
         bounds=tuple(near_bounds(curve)),
-        marks=tuple(Mark(one.time, one.uncertainty, said_of(solution, one)) for one in curve.marks),
+        marks=tuple(
+            Mark(one.time, one.uncertainty, one.said, not names.isdisjoint(one.controls))
+            for one in marked
+        ),
         spans=tuple(
             Span(arc.start, arc.end, arc.kind, KIND_NAMES[arc.kind])
             for arc in (*curve.arcs, *curve.shades)
             if arc.kind in KIND_NAMES
         ),
         logarithmic=curve.logarithmic,
+        low=middle - curve.least / 2 if flat else None,
+        high=middle + curve.least / 2 if flat else None,
     )
 
 
-def _line(name: str, role: Literal["answer", "reference"], x: Array, y: Array) -> Line:
+def _line(name: str, number: int, x: Array, y: Array) -> Line:
     x, y = panels.thinned(x, panels.finite(y))
-    return Line(name, role, _numbers(x), _numbers(y))
+    role: Literal["answer", "reference"] = "reference" if number < 0 else "answer"
+    return Line(name, role, number, _numbers(x), _numbers(y))
 
 
 def _numbers(values: Iterable[float]) -> Numbers:
@@ -92,8 +113,8 @@ def _plan(drawn: Drawing) -> Iterator[Chart]:
             drawn.labels[j],
             drawn.labels[i],
             tuple(
-                Line(name, "answer", _numbers(points[:, i]), _numbers(points[:, j]))
-                for name, points in drawn.curves.items()
+                Line(name, "answer", k, _numbers(points[:, i]), _numbers(points[:, j]))
+                for k, (name, points) in enumerate(drawn.curves.items())
             ),
             outlines=tuple(_outline(one, i, j) for one in obstacles),
         )
@@ -113,27 +134,33 @@ def _outline(shape: Ball | Block, i: int, j: int) -> tuple[Numbers, Numbers]:
 
 
 def of_comparison(comparison: Comparison) -> tuple[Chart, ...]:
-    """Return controls and states of all methods, the error of the control, and its spectrum."""
-    parts: tuple[tuple[Literal["controls", "states", "error", "spectrum"], Sequence[Panel]], ...]
-    parts = (
-        ("controls", panels.controls(comparison)),
-        ("error", error_panels.on_the_whole(comparison)),
-        ("error", error_panels.logarithmic(comparison)),
-        ("spectrum", error_panels.spectrum(comparison)),
-        ("states", panels.states(comparison)),
+    """Return controls and states of all methods, and views of the control's error."""
+    return tuple(
+        _panel(kind, panel, comparison)
+        for kind, view in VIEWS.items()
+        for panel in view(comparison)
     )
-    return tuple(_panel(kind, panel, comparison) for kind, drawn in parts for panel in drawn)
 
 
-def _panel(
-    kind: Literal["controls", "states", "error", "spectrum"], panel: Panel, comparison: Comparison
-) -> Chart:
+VIEWS: Final[Mapping[Kind, Callable[[Comparison], Sequence[Panel]]]] = {
+    "controls": panels.controls,
+    "states": panels.states,
+    "error": error_panels.on_the_whole,
+    "magnified": error_panels.magnified,
+    "logarithmic": error_panels.logarithmic,
+    "spectrum": error_panels.spectrum,
+}
+"""Of a comparison, as the sheet of `quito compare` has them."""
+
+
+def _panel(kind: Kind, panel: Panel, comparison: Comparison) -> Chart:
     lines = []
     for trace in panel.traces:
         known = trace.method < 0
         name = REFERENCE if known else comparison.rows[trace.method].method
+        role: Literal["answer", "reference"] = "reference" if known else "answer"
         x, y = _numbers(trace.x), _numbers(trace.y)
-        lines.append(Line(name, "reference" if known else "answer", x, y))
+        lines.append(Line(name, role, trace.method, x, y, trace.rough))
     return Chart(
         kind,
         panel.label,
@@ -146,4 +173,27 @@ def _panel(
         low=panel.low,
         high=panel.high,
         note=panel.note,
+    )
+
+
+def panel_of(chart: Chart) -> Panel:
+    """Return the plot of a comparison that a chart was made of."""
+
+    def array(values: Numbers) -> Array:
+        return np.array([math.nan if value is None else value for value in values])
+
+    assert chart.low is not None
+    assert chart.high is not None
+    return panels.Panel(
+        chart.label,
+        chart.across,
+        tuple(
+            panels.Trace(one.number, array(one.x), array(one.y), one.rough) for one in chart.lines
+        ),
+        chart.low,
+        chart.high,
+        chart.bounds,
+        tuple((span.start, span.end) for span in chart.spans),
+        chart.logarithmic,
+        chart.note,
     )

@@ -88,7 +88,7 @@ class Checker:
             characters: of the longest text that is looked at.
         """
         self._characters = characters
-        self._aside = Aside(seconds, memory)
+        self._aside = Aside(seconds, memory, load)
         self._solvers: tuple[str, ...] | None = None
 
     async def check(self, text: str, name: str) -> Checked:
@@ -127,6 +127,13 @@ class Checker:
 
 def _of_all(message: str) -> Remark:
     return Remark(None, None, 1, message, "error")
+
+
+def load(tell: Callable[[Any], None]) -> None:
+    """Look at something small, so that all that a look needs has been loaded once."""
+    from quito_cli.gui.work import QUICK
+
+    look(QUICK, "quick", tell)
 
 
 def here(tell: Callable[[Any], None]) -> tuple[str, ...]:

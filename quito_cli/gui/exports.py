@@ -55,7 +55,7 @@ class Exporter:
             seconds: that one may take.
             memory: bytes that the process may hold.
         """
-        self._aside = Aside(seconds, memory)
+        self._aside = Aside(seconds, memory, _load)
 
     async def export(self, folder: Path, form: str) -> Download:
         """Make a download of a finished job; what was made before is not made again.
@@ -85,6 +85,13 @@ class Exporter:
         self._aside.close()
 
 
+def _load(tell: Callable[[Any], None]) -> None:
+    """Load what most exports need."""
+    import quito_cli.gui.report
+    import quito_cli.plots.figure
+    import quito_cli.solution.solution  # noqa: F401
+
+
 def _export(folder: Path, form: str, tell: Callable[[Any], None]) -> Download:
     return export(folder, form)
 
@@ -93,14 +100,15 @@ def export(folder: Path, form: str) -> Download:
     """Make a download, here and now: see `Exporter.export`."""
     if form not in MEDIA_TYPES:
         raise UsageError(f"there is no format {form!r}; there are {', '.join(MEDIA_TYPES)}")
-    name = Answer.load(folder).name
+    answer = Answer.load(folder)
+    name = f"{answer.name}-compare" if answer.kind == "compare" else answer.name
     path = folder / (RESULT if form == "h5" else f"export.{form}")
     if form != "h5" and not path.exists():
         from quito_cli.solution.solution import Solution
         from quito_cli.solution.store import write_aside
 
         solution = Solution.load(folder / RESULT)
-        write_aside(path, lambda aside: _WRITERS[form](solution, folder, aside))
+        write_aside(path, lambda aside: _WRITERS[form](solution, answer, aside))
     elif not path.exists():
         raise ResultFileError("that run is not kept any more: run it again")
     return Download(f"{_fit(name)}.{form}", MEDIA_TYPES[form], path)
@@ -111,14 +119,26 @@ def _fit(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9_+-]+", "_", name).strip("_")[:_LONGEST] or "problem"
 
 
-def _picture(solution: Solution, folder: Path, path: Path) -> None:
+def _picture(solution: Solution, answer: Answer, path: Path) -> None:
+    from quito_cli.gui.compared import draw_sheet
     from quito_cli.plots.figure import DEFAULT, draw
 
-    draw(solution, DEFAULT, path)
+    if answer.kind == "compare":
+        draw_sheet(answer, path)
+    else:
+        draw(solution, DEFAULT, path)
 
 
-def _table(solution: Solution, folder: Path, path: Path) -> None:
-    """Write the trajectory: a row a node, a column a quantity, in full precision."""
+def _table(solution: Solution, answer: Answer, path: Path) -> None:
+    """Write the trajectory: a row a node, a column a quantity, in full precision.
+
+    Of a comparison the figures are written, a row a method.
+    """
+    if answer.kind == "compare":
+        from quito_cli.gui.compared import write_table
+
+        write_table(answer, path)
+        return
     origin, times = solution.origin, solution.times
     heads = ["t", *(_head(q.name, q.unit) for q in (*origin.states, *origin.controls))]
     heads += [f"costate of {q.name}" for q in origin.states]
@@ -134,17 +154,17 @@ def _head(name: str, unit: str) -> str:
     return f"{name} [{' '.join(unit.split())}]" if unit.strip() else name
 
 
-def _text(solution: Solution, folder: Path, path: Path) -> None:
+def _text(solution: Solution, answer: Answer, path: Path) -> None:
     path.write_text(solution.origin.text, "utf-8")
 
 
-def _report(solution: Solution, folder: Path, path: Path) -> None:
+def _report(solution: Solution, answer: Answer, path: Path) -> None:
     from quito_cli.gui.report import report
 
-    path.write_text(report(Answer.load(folder), solution), "utf-8")
+    path.write_text(report(answer, solution), "utf-8")
 
 
-_WRITERS: Final[Mapping[str, Callable[[Solution, Path, Path], None]]] = {
+_WRITERS: Final[Mapping[str, Callable[[Solution, Answer, Path], None]]] = {
     "csv": _table,
     "png": _picture,
     "pdf": _picture,

@@ -16,6 +16,8 @@ from quito_cli.gui.work import Iterated, Noticed, Work, carry_out, warm_up
 
 MOST_POINTS = 500
 """Of a history."""
+_LONGEST_LOOK = 0.2
+"""Seconds between two looks that count: where we were kept from looking, the worker was too."""
 
 
 @dataclass(frozen=True)
@@ -115,8 +117,14 @@ class Job:
         self.cancelled = 0
         """How often that was asked for."""
         self.dropped = False
-        self.asked: float | None = None
-        """When its solver was told to stop."""
+        self.begun = False
+        """Whether the worker has it: a request to stop would be lost before."""
+        self.asked = False
+        """Whether it is to stop."""
+        self.interrupted = False
+        """Whether its solver was told so."""
+        self.silence = 0.0
+        """Seconds since it is to stop, as far as they were watched, until it had noticed."""
         self.stopped: float | None = None
         """When it had noticed, with an iterate to keep."""
         self.why = ""
@@ -157,7 +165,7 @@ class Job:
     def tell(self) -> None:
         """Bring the state up to date."""
         self.state = Running(
-            self.seconds, tuple(self._history), self.asked is not None, self.stopped is not None
+            self.seconds, tuple(self._history), self.asked, self.stopped is not None
         )
 
     @property
@@ -184,6 +192,7 @@ class Place:
         """Prepare; `folder` is for what is of no job."""
         self._limits, self._folder = limits, folder
         self._worker = Worker(limits.memory)
+        self._looked = 0.0
         self.job: Job | None = None
         """None where it waits, or is warming up."""
 
@@ -209,7 +218,7 @@ class Place:
         """
         self._worker.start(carry_out, job.work)
         job.begin()
-        self.job = job
+        self.job, self._looked = job, time.monotonic()
 
     def hear(self) -> None:
         """Take a message of the worker, which is there."""
@@ -217,6 +226,7 @@ class Place:
         if job is None:  # it has warmed up, or has died of it, and then its first job will tell
             return
         if isinstance(said, Told):
+            job.begun = True
             if not isinstance(said.message, Noticed):
                 job.heard(said.message)
             elif job.iterating:  # else there is nothing to keep, and nobody knows what it is at
@@ -237,12 +247,17 @@ class Place:
         if job is None:
             return
         now = time.monotonic()
+        passed, self._looked = min(now - self._looked, _LONGEST_LOOK), now
         late = job.seconds > limits.seconds
-        if job.asked is None and (job.cancelled or late):
+        if job.asked and not job.stopped:
+            job.silence += passed
+        elif not job.asked and (job.cancelled or late):
             job.why = "cancelled" if job.cancelled else "time"
-            job.asked = now
+            job.asked = True
+        if job.asked and job.begun and not job.interrupted:
+            job.interrupted = True
             self._worker.interrupt()
-        silent = job.asked and not job.stopped and now - job.asked > limits.grace
+        silent = job.silence > limits.grace and not job.stopped
         slow = job.stopped and now - job.stopped > limits.judging
         if job.dropped or job.cancelled > 1 or silent or slow:
             self._worker.kill()
@@ -265,7 +280,7 @@ class Place:
             self.warm()
 
     def _raised(self, job: Job, said: Raised) -> None:
-        if job.asked is not None:
+        if job.asked:
             job.fail(_TOO_LATE[job.why].format(seconds=self._limits.seconds), job.why)
         elif isinstance(said.error, QuitoError):
             job.fail(str(said.error), "refused")

@@ -76,7 +76,9 @@ const quito = {
   number(value) {
     if (value === null || value === undefined || Number.isNaN(value)) return "–";
     const size = Math.abs(value);
-    if (size !== 0 && (size < 1e-3 || size >= 1e5)) return value.toExponential(3);
+    if (size !== 0 && (size < 1e-3 || size >= 1e5)) {
+      return value.toExponential(3).replace(/\.?0+e/, "e");
+    }
     return String(Number(value.toPrecision(6)));
   },
   // ECharts itself tells only of the lines that have a point just there.
@@ -92,20 +94,29 @@ const quito = {
     box.append(head);
     for (const line of options.series) {
       const value = line.name.startsWith("~") ? null : quito.value(line.data, at);
-      if (value !== null) box.append(quito.row(line, value));
+      if (value !== null) box.append(quito.row(line.lineStyle, line.name, quito.number(value)));
     }
+    for (const [style, said] of quito.near(place, options, at)) box.append(quito.row(style, said, ""));
     return box;
   },
-  row(line, value) {
+  row(style, said, figure) {
     const row = document.createElement("div");
     const [mark, name, number] = ["i", "span", "span"].map((tag) => document.createElement(tag));
-    const style = line.lineStyle.type;
-    mark.style.cssText = `display:inline-block;width:14px;border-top:2px ${style} ${line.color};margin-right:6px;vertical-align:middle`;
+    mark.style.cssText = `display:inline-block;width:14px;border-top:2px ${style.type} ${style.color};margin-right:6px;vertical-align:middle`;
     number.style.cssText = "float:right;margin-left:18px;font-family:var(--mono)";
-    name.textContent = line.name;
-    number.textContent = quito.number(value);
+    name.textContent = said;
+    number.textContent = figure;
     row.append(mark, name, number);
     return row;
+  },
+  // The switching times within a few pixels of `at`, each once, with the look of their marks.
+  near(place, options, at) {
+    const chart = getElement(place.id.slice(1)).chart;
+    const x = (time) => chart.convertToPixel({ xAxisIndex: 0 }, time);
+    const lines = options.series.flatMap((line) => (line.markLine ? [line.markLine] : []));
+    const marks = lines.flatMap((line) => line.data.map((mark) => [line.lineStyle, mark]));
+    const close = marks.filter(([, mark]) => Math.abs(x(mark.xAxis) - x(at)) <= 6);
+    return [...new Map(close.map(([style, mark]) => [mark.name, [style, mark.name]])).values()];
   },
   // The value of a line at `at`, linear between its points; null where there is none.
   value(data, at) {
@@ -122,12 +133,12 @@ const quito = {
   },
 
   // Zoom of the plots: by a band drawn with the pointer, and by buttons for who has none.
-  chart() {
-    const place = document.getElementById("plot");
+  chart(id = "plot") {
+    const place = document.getElementById(id);
     return place && window.getElement ? getElement(place.dataset.chart)?.chart : null;
   },
-  zoom(factor) {
-    const chart = quito.chart();
+  zoom(id, factor) {
+    const chart = quito.chart(id);
     const zoom = chart && chart.getOption().dataZoom[0];
     if (!zoom) return;
     const middle = (zoom.start + zoom.end) / 2;
@@ -135,12 +146,16 @@ const quito = {
     const start = Math.max(0, Math.min(100 - 2 * half, middle - half));
     chart.dispatchAction({ type: "dataZoom", start, end: start + 2 * half });
   },
-  band(tries = 50) {
-    const chart = quito.chart();
-    if (!chart && tries) setTimeout(() => quito.band(tries - 1), 40);
+  // A chart takes the pointer for a band from when it first comes there: it may be drawn late.
+  band(event) {
+    const place = event.target.closest?.("[data-chart]");
+    const chart = place && quito.chart(place.id);
+    if (!chart || place.banded === chart) return;
+    place.banded = chart;
     const key = "dataZoomSelect";
-    chart?.dispatchAction({ type: "takeGlobalCursor", key, dataZoomSelectActive: true });
+    chart.dispatchAction({ type: "takeGlobalCursor", key, dataZoomSelectActive: true });
   },
 };
 window.quito = quito;
 document.addEventListener("keydown", quito.hear, true);
+document.addEventListener("pointerover", quito.band);

@@ -30,6 +30,8 @@ FIRST = "alychan"
 _HERE = Path(__file__).parent
 _DEBOUNCE = 0.35
 """Seconds without typing after which a text is looked at."""
+_PATIENCE = 60.0
+"""Seconds that a browser may take to answer, on a machine with much else to do."""
 _WHERE = "(() => ({draft: quito.draft(), dark: Quasar.Dark.isActive, colours: quito.colours()}))()"
 _BLANK = Draft("problem.yaml", "own", "", {})
 _COLOURS: dict[str, bool | None] = {"Auto": None, "Light": False, "Dark": True}
@@ -42,7 +44,7 @@ async def page(services: Services) -> None:
     ui.add_head_html(f"<script>{(_HERE / 'page.js').read_text('utf-8')}</script>")
     ui.colors(primary="var(--accent)")
     view = View(services, client)
-    await client.connected(timeout=30.0)
+    await client.connected(timeout=_PATIENCE)
     if client.tab_id is None:
         return
     tab = services.tabs.come(client.tab_id, client.id)
@@ -91,7 +93,7 @@ class View:
         """Bring back what the tab works on."""
         self._tab = tab
         try:
-            known = dict(await self._client.run_javascript(_WHERE, timeout=10.0) or {})
+            known = dict(await self._client.run_javascript(_WHERE, timeout=_PATIENCE) or {})
         except TimeoutError:  # what the server has will do
             known = {}
         self._edit.darken(bool(known.get("dark")))
@@ -103,11 +105,13 @@ class View:
             draft = Draft(FIRST, "library", text, {})
         self._take_up(draft)
         self._client.run_javascript("quito.restored()")
-        self._bar.rest()
-        await self._results.begin(tab)
         if tab.asked is not None:
             self._bar.begin("Running")
-            self._follow()
+        else:
+            self._bar.rest()
+        await self._results.begin(tab)
+        if tab.asked is not None:
+            self._follow(tab.asked)
         self._form.know(await self._services.checker.solvers())
 
     def _draft(self) -> Draft:
@@ -207,19 +211,17 @@ class View:
         except QuitoError as error:
             self._say(str(error), "bad")
             return
+        self._history = ()
         self._tab.asked = job
         self._tab.requests[job] = request
-        self._bar.begin("Running" if request.against is None else "Comparing")
-        self._follow()
+        self._bar.begin("Starting")
+        self._follow(job)
 
-    def _follow(self) -> None:
-        background_tasks.create(self._followed(), name="follow a solve")
+    def _follow(self, job: str) -> None:
+        background_tasks.create(self._followed(job), name="follow a solve")
 
-    async def _followed(self) -> None:
-        """Show how the job is, until it ends or the page does."""
-        job = self._tab.asked
-        if job is None:
-            return
+    async def _followed(self, job: str) -> None:
+        """Show how the job is until it ends or the page does; nothing new is asked for before."""
         with self._client:
             self._results.busy(True)
             try:
@@ -236,9 +238,11 @@ class View:
                         self._say(state.message, "bad")
             except QuitoError as error:  # it was dropped
                 self._say(str(error), "bad")
-            self._tab.asked = None
-            self._bar.rest()
-            self._results.busy(False)
+            finally:
+                if not self._left:  # else the page that is there now does it
+                    self._tab.asked = None
+                    self._bar.rest()
+                    self._results.busy(False)
 
     @property
     def _left(self) -> bool:
@@ -249,10 +253,11 @@ class View:
         answer = await self._results.add(job, state.folder)
         kind = "good" if answer.success else "bad"
         if answer.kind == "compare":
+            self._bar.draw(self._history)
             self._say("Compared.", kind)
             return
         self._bar.end(_last(answer, state.seconds), self._history)
-        self._say(f"{answer.said} {state.note}".strip(), kind)
+        self._say(state.note or answer.said, kind)
 
     def _cancel(self) -> None:
         if self._tab.asked is not None:

@@ -40,14 +40,15 @@ def picture(
 
     Args:
         answer: the one whose panels are shown.
-        kinds: of the charts wanted, in their order; a plan stands alone.
+        kinds: of the charts wanted, in their order, over the same axis; a plan stands alone.
         overlays: other answers, with their labels; charts of the same kind and name are drawn.
         known: whether the reference is drawn where there is one.
     """
     wanted = [chart for kind in kinds for chart in answer.charts if chart.kind == kind]
     if not wanted:
         return None
-    panels = [Panel(i, chart, overlays, known) for i, chart in enumerate(wanted)]
+    reach = span(value for chart in wanted for line in chart.lines for value in line.x)
+    panels = [Panel(i, chart, overlays, known, reach) for i, chart in enumerate(wanted)]
     count, last = len(panels), len(panels) - 1
     each = PLAN if wanted[0].kind == "plan" else PANEL
     entries = {entry.name: entry for panel in panels for entry in panel.legend()}
@@ -66,7 +67,7 @@ def picture(
     if each == PANEL:
         options |= {"axisPointer": {"link": [{"xAxisIndex": "all"}]}} | _zoom(count)
     height = _TOP + count * (each + _GAP) - _GAP + _BOTTOM
-    notes = tuple(dict.fromkeys(chart.note for chart in wanted if chart.note))
+    notes = tuple(f"{chart.label}: {chart.note}" for chart in wanted if chart.note)
     return Picture(options, height, tuple(entries.values()), _said(wanted), notes)
 
 
@@ -116,5 +117,5 @@ def _said(charts: Sequence[Chart]) -> str:
         for line in chart.lines:
             low, high = span(line.y)
             parts.append(f"{chart.name}, {line.name}: between {low:.4g} and {high:.4g}")
-        parts += [mark.said for mark in chart.marks]
-    return "; ".join(parts) + "."
+    switching = dict.fromkeys(mark.said for chart in charts for mark in chart.marks)
+    return "; ".join([*parts, *(f"switching at {said}" for said in switching)]) + "."

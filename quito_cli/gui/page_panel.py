@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from quito_cli.gui.answer import Answer, Chart, Line, Numbers
+from quito_cli.gui.answer import Answer, Chart, Line, Mark, Numbers
 
 COLOURS = tuple(f"var(--run{i})" for i in range(6))
 KNOWN, BOUND, MARK = "var(--known)", "var(--bound)", "var(--mark)"
@@ -19,12 +19,17 @@ _SHADES = {
     "lower": "var(--arc-bound)",
     "upper": "var(--arc-bound)",
     "singular": "var(--arc-singular)",
+    "kink": "var(--arc-singular)",
     "active": "var(--arc-active)",
     "zone": "var(--arc-bound)",
 }
 """Of the stretches that are shaded; interior arcs are what is left."""
 _WORDS = {"lower": "at a bound", "upper": "at a bound"}
 """What the legend says of stretches, where it is not what the answer says."""
+_MARKED = {True: {"width": 1.6, "opacity": 1.0}, False: {"width": 1.1, "opacity": 0.6}}
+"""How a switching time is marked: where it is the chart's own, and elsewhere."""
+_MOST_TIMES = 4
+"""Switching times that the legend names."""
 _BOUND_POINTS = 300
 Points = tuple[tuple[float | None, float | None], ...]
 
@@ -47,10 +52,12 @@ class Panel:
     chart: Chart
     overlays: Sequence[tuple[str, Answer]]
     known: bool
+    reach: tuple[float, float]
+    """Of the horizontal axis, where panels share it."""
 
     def across(self, last: bool) -> dict[str, Any]:
         """Return the horizontal axis; numbers stand at the lowest panel alone."""
-        low, high = span(value for line in self.chart.lines for value in line.x)
+        low, high = self.reach
         axis = _axis() | {
             "gridIndex": self.index,
             "type": "value",
@@ -58,6 +65,7 @@ class Panel:
             "name": self.chart.across if last else "",
             "nameLocation": "middle",
             "nameGap": 22,
+            "nameTextStyle": _name() | {"align": "center"},
             "axisLine": {"onZero": False, "lineStyle": {"color": "var(--line-strong)"}},
         }
         return axis | ({"scale": True} if self.chart.kind == "plan" else {"min": low, "max": high})
@@ -69,19 +77,20 @@ class Panel:
             "type": "log" if self.chart.logarithmic else "value",
             "scale": True,
             "splitNumber": 4,
-            "name": self.chart.label,
+            "name": self.chart.label + (", magnified" if self.chart.kind == "magnified" else ""),
             "nameLocation": "end",
             "nameGap": 6,
             "axisLabel": _label(),
         }
-        if self.chart.low is not None and self.chart.high is not None:
-            return axis | {"min": self.chart.low, "max": self.chart.high}
+        given = self.chart.low, self.chart.high
+        if None not in given:
+            return axis | _between(*given)
         if self.chart.logarithmic:
             return axis
         low, high = span(value for line in self.chart.lines for value in line.y)
         if high - low <= 1e-9 * max(abs(low), abs(high), 1.0):  # rounding is no shape
             room = 0.5 * max(abs(low), 1.0)
-            return axis | {"min": low - room, "max": high + room}
+            return axis | _between(low - room, high + room)
         return axis | {"boundaryGap": ["4%", "4%"]}
 
     def series(self) -> list[dict[str, Any]]:
@@ -98,7 +107,7 @@ class Panel:
     def _coloured(self) -> list[tuple[Line, str]]:
         """Return the lines to be drawn, each with its colour."""
         answers = [line for line in self.chart.lines if line.role == "answer"]
-        found = [(line, COLOURS[i % len(COLOURS)]) for i, line in enumerate(answers)]
+        found = [(line, COLOURS[line.number % len(COLOURS)]) for line in answers]
         if self.known:
             found += [(line, KNOWN) for line in self.chart.lines if line.role == "reference"]
         return found
@@ -108,7 +117,8 @@ class Panel:
         answers = [pair for pair in self._coloured() if pair[0].role == "answer"]
         found = []
         if len(answers) > 1:
-            found += [Entry(line.name, colour, "solid") for line, colour in answers]
+            ordered = sorted(answers, key=lambda pair: pair[0].number)
+            found += [Entry(line.name, colour, "solid") for line, colour in ordered]
         elif self.overlays:
             found.append(Entry("this run", COLOURS[0], "solid"))
         for i, (label, _) in enumerate(self.overlays, 1):
@@ -118,7 +128,7 @@ class Panel:
         if self.chart.bounds:
             found.append(Entry("bound", BOUND, "dotted"))
         if self.chart.marks:
-            found.append(Entry("switching time", MARK, "dotted"))
+            found.append(Entry(_switching(self.chart.marks), MARK, "dotted"))
         found += [
             Entry(_WORDS.get(span.kind, span.said), _SHADES[span.kind], "shade")
             for span in self.chart.spans
@@ -135,8 +145,11 @@ class Panel:
                 "silent": True,
                 "animation": False,
                 "label": {"show": False},
-                "lineStyle": {"color": MARK, "type": "dotted", "width": 1.4},
-                "data": [{"xAxis": mark.time, "name": mark.said} for mark in self.chart.marks],
+                "lineStyle": {"color": MARK, "type": "dotted"},
+                "data": [
+                    {"xAxis": mark.time, "name": mark.said, "lineStyle": _MARKED[mark.own]}
+                    for mark in self.chart.marks
+                ],
             }
         spans = [span for span in self.chart.spans if span.kind in _SHADES]
         if spans:
@@ -154,7 +167,7 @@ class Panel:
         return found
 
     def _bounds(self) -> list[dict[str, Any]]:
-        first, last = span(value for line in self.chart.lines for value in line.x)
+        first, last = self.reach
         places = [first + (last - first) * i / (_BOUND_POINTS - 1) for i in range(_BOUND_POINTS)]
         return [
             self._series(f"~bound {bound:g}", tuple((t, bound) for t in places), BOUND, "dotted", 2)
@@ -184,8 +197,10 @@ class Panel:
         return drawn
 
     def _line(self, name: str, line: Line, colour: str, style: str, height: int) -> dict[str, Any]:
-        points = _points(line.x, line.y)
-        return self._series(name, points, colour, style, height)
+        drawn = self._series(name, _points(line.x, line.y), colour, style, height)
+        if line.rough:  # it may cover others
+            drawn["lineStyle"] |= {"width": 0.9, "opacity": 0.75}
+        return drawn
 
     def _series(
         self, name: str, points: Points, colour: str, style: str, height: int
@@ -206,12 +221,23 @@ class Panel:
         }
 
 
+def _switching(marks: Sequence[Mark]) -> str:
+    """Return what the legend says of switching times: a few by name, of many how many they are."""
+    if len(marks) > _MOST_TIMES:
+        return f"{len(marks)} switching times"
+    times = ", ".join(f"{mark.time:.5g}" for mark in marks)
+    return f"switching time{'s' if len(marks) > 1 else ''} {times}"
+
+
+def _name() -> dict[str, Any]:
+    return {"color": "var(--ink)", "fontSize": 12, "fontWeight": 600, "align": "left"}
+
+
 def _axis() -> dict[str, Any]:
-    name = {"color": "var(--ink)", "fontSize": 12, "fontWeight": 600, "align": "left"}
     return {
         "splitLine": {"lineStyle": {"color": "var(--grid)"}},
         "axisTick": {"show": False},
-        "nameTextStyle": name,
+        "nameTextStyle": _name(),
         "axisPointer": {
             "lineStyle": {"color": "var(--line-strong)", "type": "solid"},
             "label": {"show": False},
@@ -223,6 +249,12 @@ def _axis() -> dict[str, Any]:
 def _label() -> dict[str, Any]:
     look = {"color": "var(--muted)", "fontSize": 11, "hideOverlap": True}
     return look | {":formatter": "value => quito.number(value)"}
+
+
+def _between(low: float | None, high: float | None) -> dict[str, Any]:
+    """Return the ends of an axis; they are no round numbers, and so not written at it."""
+    unwritten = {"showMinLabel": False, "showMaxLabel": False}
+    return {"min": low, "max": high, "axisLabel": _label() | unwritten}
 
 
 def span(values: Iterable[float | None]) -> tuple[float, float]:

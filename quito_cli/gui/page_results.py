@@ -17,6 +17,7 @@ from quito_cli.gui.page_compare import Compare
 from quito_cli.gui.page_runs import RunsTable
 from quito_cli.gui.page_see import Plots, Verdict, certificate, summary
 from quito_cli.gui.page_state import Services, Tab
+from quito_cli.gui.page_take import Take
 from quito_cli.gui.runs import MOST_RUNS, Run
 
 _TABS = ("Plots", "Summary", "Certificate", "Compare", "Runs")
@@ -34,7 +35,8 @@ class Results:
     ) -> None:
         self._services, self._tab = services, tab
         with ui.element("section").classes("panel see").props('aria-label="Results"'):
-            self._verdict = Verdict(services.exporter, say, self._taken)
+            take = Take(services.exporter, say)
+            self._verdict = Verdict(take, self._taken)
             with ui.tabs().props("dense no-caps align=left inline-label") as tabs:
                 for name in _TABS:
                     ui.tab(name).mark(f"tab-{name.lower()}")
@@ -49,7 +51,7 @@ class Results:
                 with ui.tab_panel("Certificate"):
                     self._certificate = ui.html(certificate(None)).mark("certificate")
                 with ui.tab_panel("Compare"):
-                    self._compare = Compare(compare)
+                    self._compare = Compare(compare, take)
                 with ui.tab_panel("Runs"):
                     self._runs = RunsTable(self.show, self._lay, self._remove)
 
@@ -64,7 +66,7 @@ class Results:
             if tab.compared is not None:
                 state = self._services.desk.state(tab.compared)
                 if isinstance(state, Finished):
-                    self._compare.show(await _answer(state.folder))
+                    self._compare.show(await _answer(state.folder), state.folder)
 
     def comparison(self, against: tuple[str, ...]) -> Request | None:
         """Return what is to be asked for to compare the answer that is seen; None without one."""
@@ -87,15 +89,16 @@ class Results:
         tab, answer = self._tab, await _answer(folder)
         if answer.kind == "compare":
             before, tab.compared = tab.compared, job
-            if before is not None:
+            if before is not None and before != job:
                 self.forget(before)
-            self._compare.show(answer)
+            self._compare.show(answer, folder)
             return answer
-        tab.count += 1
-        asked = tab.requests[job]
-        made = Run(job, tab.count, asked.name, asked.options, folder, answer.figures)
-        for old in tab.runs.add(made):
-            self.forget(old)
+        if tab.run(job) is None:  # else the page was loaded anew just then
+            tab.count += 1
+            asked = tab.requests[job]
+            made = Run(job, tab.count, asked.name, asked.options, folder, answer.figures)
+            for old in tab.runs.add(made):
+                self.forget(old)
         await self.show(job, answer)
         return answer
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from nicegui import ui
 
-from quito_cli.gui.job import Failed, Finished, Running, State, Waiting
+from quito_cli.gui.job import Running, State, Waiting
 from quito_cli.gui.work import Iterated
 
 _LEAST = 1e-16
@@ -84,8 +84,6 @@ class RunBar:
             word = "Stopping: the iterate so far is kept." if state.stopping else "Running"
             self.say(f"{word}{f', {stage}' if stage and not state.stopping else ''}")
             self._follow(state.history, state.seconds)
-        elif isinstance(state, Finished | Failed):
-            self.rest()
 
     def _follow(self, history: Sequence[Iterated], seconds: float) -> None:
         """Write the figures, and draw them, but not so often that a browser has no time left."""
@@ -145,7 +143,10 @@ def _progress(history: Sequence[Iterated]) -> dict[str, Any]:
     return {
         "animation": False,
         "grid": {"left": 44, "right": 44, "top": 8, "bottom": 18},
-        "xAxis": axis | ends | {"type": "value", "splitLine": {"show": False}},
+        "xAxis": axis
+        | ends
+        | {"type": "value", "splitLine": {"show": False}}
+        | {"axisLabel": _label | {"showMaxLabel": False}},
         "yAxis": [
             axis
             | {

@@ -10,7 +10,7 @@ from nicegui import ui
 from quito_cli.gui.page_panel import COLOURS
 from quito_cli.gui.page_state import Tab
 
-_HEADS = ("show", "overlay")
+_HEADS = ("show", "overlay", "remove")
 Show = Callable[[str], Awaitable[None]]
 Lay = Callable[[str, bool], Awaitable[None]]
 
@@ -31,9 +31,9 @@ class RunsTable:
             if not jobs:
                 ui.html("<p>Runs of this session stand here.</p>").classes("empty")
                 return
-            with ui.element("table").classes("data"):
+            with ui.element("table").classes("data runs"):
                 with ui.element("thead"), ui.element("tr"):
-                    for head in (*_HEADS, *heads, ""):
+                    for head in (*_HEADS, *heads):
                         with ui.element("th").props("scope=col"):
                             ui.label(head)
                 with ui.element("tbody"):
@@ -55,9 +55,9 @@ class RunsTable:
                 if job in tab.overlaid:
                     colour = COLOURS[(tab.overlaid.index(job) + 1) % len(COLOURS)]
                     ui.element("span").classes("swatch").style(f"color: {colour}")
+            with ui.element("td"):
+                gone = ui.button("×", on_click=partial(self._remove, job)).mark(f"remove-{row[0]}")
+                gone.props(f'flat aria-label="Remove run {row[0]}" title="Remove"').classes("quiet")
             for text in row:
                 with ui.element("td"):
                     ui.label(text)
-            with ui.element("td"):
-                gone = ui.button("Remove", on_click=partial(self._remove, job))
-                gone.props(f'flat aria-label="Remove run {row[0]}"').classes("quiet")

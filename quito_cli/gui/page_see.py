@@ -7,11 +7,10 @@ from html import escape
 
 from nicegui import ui
 
-from quito_cli.errors import QuitoError
 from quito_cli.gui.answer import Answer, Condition
-from quito_cli.gui.exports import Exporter
 from quito_cli.gui.page_chart import Picture, picture
 from quito_cli.gui.page_html import notes, table
+from quito_cli.gui.page_take import Take
 from quito_cli.gui.runs import Run
 
 _TAKEN = (
@@ -30,6 +29,8 @@ _KINDS = (
     ("switching", "Switching functions", False),
 )
 _PLAN = "plan"
+_PLOT = "plot"
+"""Name of the place of the plots."""
 _ZOOMS = (("+", 0.5, "Zoom in"), ("−", 2.0, "Zoom out"), ("Whole", 0.0, "See the whole horizon"))
 _EMPTY = (
     "<p>Nothing solved yet.</p><p>Choose a problem and press <b>Run</b>, or <kbd>Ctrl</kbd> "
@@ -40,29 +41,20 @@ _EMPTY = (
 class Verdict:
     """The line above the tabs: how it ended, and the downloads."""
 
-    def __init__(
-        self,
-        exporter: Exporter,
-        say: Callable[[str, str], None],
-        taken: Callable[[str], None],
-    ) -> None:
-        self._exporter, self._say, self._taken = exporter, say, taken
+    def __init__(self, take: Take, taken: Callable[[str], None]) -> None:
+        self._take, self._taken = take, taken
         self._run: Run | None = None
         with ui.element("div").classes("verdict"):
             self._said = ui.html("<b>No result yet</b>").classes("said").mark("verdict")
-            with ui.element("div").classes("take").props('role=group aria-label="Take away"'):
-                ui.label("Take away").style("color: var(--muted); font-size: 12px")
-                self._buttons = [self._button(*each) for each in _TAKEN]
+            self._buttons = take.buttons(_TAKEN, "Take away", "take")
+        for form, button in self._buttons.items():
+            button.on_click(lambda form=form: self._asked(form))
         self.show(None, None)
-
-    def _button(self, form: str, word: str, what: str) -> ui.button:
-        button = ui.button(word, on_click=lambda: self._take(form)).props("flat").classes("plain")
-        return button.props(f'title="{what}"').mark(f"take-{form}")
 
     def show(self, chosen: Run | None, answer: Answer | None) -> None:
         """Show the verdict on an answer."""
         self._run = chosen
-        for button in self._buttons:
+        for button in self._buttons.values():
             button.set_enabled(chosen is not None)
         if chosen is None or answer is None:
             self._said.set_content("<b>No result yet</b>")
@@ -76,17 +68,10 @@ class Verdict:
             f"<b class='{kind}'>{word}</b>{escape(said)} · {escape(chosen.label)}"
         )
 
-    async def _take(self, form: str) -> None:
-        if self._run is None:
-            return
-        job = self._run.job
-        try:
-            made = await self._exporter.export(self._run.folder, form)
-        except QuitoError as error:
-            self._say(str(error), "bad")
-            return
-        self._taken(job)
-        ui.download.file(made.path, made.filename, made.media_type)
+    async def _asked(self, form: str) -> None:
+        run = self._run
+        if run is not None and await self._take.take(run.folder, form):
+            self._taken(run.job)
 
 
 class Plots:
@@ -104,10 +89,7 @@ class Plots:
             for box in (*self._kinds.values(), self._known):
                 box.props("dense")
             ui.element("div").classes("space")
-            with ui.element("div").classes("zoom").props('role=group aria-label="Zoom in time"'):
-                for sign, factor, what in _ZOOMS:
-                    button = ui.button(sign).props(f'flat aria-label="{what}" title="{what}"')
-                    button.classes("quiet").on("click", js_handler=f"() => quito.zoom({factor})")
+            zoom(_PLOT)
         self._legend = ui.html("").classes("legend").mark("legend")
         self._place = ui.element("div").style("min-height: 360px").mark("plots")
         self.draw()
@@ -136,13 +118,27 @@ class Plots:
         self._legend.set_content("" if drawn is None else legend(drawn))
         if drawn is not None:
             with self._place:
-                with ui.element("div").props("id=plot") as place:
-                    drawing = chart(drawn).mark("chart")
-                place.props(f"data-chart={drawing.id}")
-            self._place.client.run_javascript("quito.band()")
+                zoomed(drawn, _PLOT).mark("chart")
         if plan is not None:
             with self._place:
                 chart(plan).mark("plan")
+
+
+def zoom(place: str) -> None:
+    """Put buttons on the page that zoom in the picture at that place."""
+    with ui.element("div").classes("zoom").props('role=group aria-label="Zoom in time"'):
+        for sign, factor, what in _ZOOMS:
+            button = ui.button(sign).props(f'flat aria-label="{what}" title="{what}"')
+            handler = f"() => quito.zoom('{place}', {factor})"
+            button.classes("quiet").on("click", js_handler=handler)
+
+
+def zoomed(drawn: Picture, place: str) -> ui.echart:
+    """Put a picture on the page in which a band can be drawn to zoom, at a place of that name."""
+    with ui.element("div").props(f"id={place}") as around:
+        drawing = chart(drawn)
+    around.props(f"data-chart={drawing.id}")
+    return drawing
 
 
 def chart(drawn: Picture) -> ui.echart:
@@ -184,15 +180,14 @@ def certificate(answer: Answer | None) -> str:
     """Return the certificate of Pontryagin's conditions, where there is one."""
     if answer is None or not answer.certificate:
         return "<div class='empty'><p>No certificate: there is no answer to be judged.</p></div>"
-    heads = ("condition", "verdict", "residual", "scale", "worst at", "")
+    heads = ("condition", "verdict", "residual", "scale", "worst at")
     rows = [
         (
             row.condition,
-            row.verdict,
+            f"{row.verdict}: {row.reason}" if row.reason else row.verdict,
             _figure(row.residual, ".1e"),
             _figure(row.scale, ".2g"),
             _figure(row.time, ".4g"),
-            row.reason,
         )
         for row in answer.certificate
     ]

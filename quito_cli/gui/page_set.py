@@ -15,16 +15,20 @@ _HELP = "Settings begin with what the file asks for; changed ones are blue. Help
 
 
 class Form:
-    """Fields of the options; made anew when the file asks for something else."""
+    """Fields of the options; they are made once, and filled anew where the file asks for others.
+
+    A field that was put in the place of another would lose what is being typed into it.
+    """
 
     def __init__(self, changed: Callable[[], None]) -> None:
         self._changed = changed
         self._file: dict[str, object] = {}
-        self._settings: tuple[Setting, ...] = ()
+        self._settings: dict[str, Setting] = {}
         self._chosen: dict[str, Any] = {}
         self._fields: dict[str, ValueElement[Any]] = {}
         self._name = ""
         self._solvers: Collection[str] | None = None
+        self._quietly = False
         with ui.element("section").classes("panel").props('aria-label="Set the options"'):
             self._body = ui.element("div")
             self._help = ui.label(_HELP).classes("helped").props("aria-live=polite").mark("help")
@@ -40,6 +44,7 @@ class Form:
                     .mark("copy")
                 )
                 copy.props('aria-label="Copy the command line"')
+        self._fill({})
 
     @property
     def chosen(self) -> dict[str, Any]:
@@ -57,55 +62,62 @@ class Form:
     def know(self, solvers: Collection[str]) -> None:
         """Take note of which solvers are here, and say so of the others."""
         self._solvers = solvers
-        self._make(self._file)
+        self._fill(self._file)
 
     def begin(self, name: str, chosen: Mapping[str, Any]) -> None:
         """Begin with another problem, or with settings that were kept."""
         self._name, self._chosen = name, dict(chosen)
-        self._file, self._settings = {}, ()
-        self._make({})
+        self._fill({})
 
     def follow(self, file_options: Mapping[str, object]) -> None:
         """Take what the file asks for as defaults; what the user changed stays."""
-        if file_options != self._file or not self._settings:
-            self._make(file_options)
+        if file_options != self._file:
+            self._fill(file_options)
 
-    def _make(self, file_options: Mapping[str, object]) -> None:
-        self._file, self._settings = dict(file_options), settings(file_options, self._solvers)
-        known = {setting.name for setting in self._settings}
-        self._chosen = {k: v for k, v in self._chosen.items() if k in known}
-        self._fields = {}
-        self._body.clear()
+    def _fill(self, file_options: Mapping[str, object]) -> None:
+        self._file = dict(file_options)
+        self._settings = {each.name: each for each in settings(self._file, self._solvers)}
+        self._chosen = {k: v for k, v in self._chosen.items() if k in self._settings}
+        if not self._fields:  # before anybody looks, so that nothing jumps then
+            self._make()
+        self._quietly = True
+        for name, field in self._fields.items():
+            setting = self._settings[name]
+            _write(field, setting, self._chosen.get(name, setting.default))
+        self._quietly = False
+        self._refresh()
+
+    def _make(self) -> None:
         with self._body:
             with ui.element("div").classes("fields"):
-                for setting in self._settings:
-                    if not setting.advanced:
-                        self._field(setting)
+                self._make_fields(advanced=False)
             with ui.element("details").classes("more"):
                 with ui.element("summary"):
                     ui.label("More settings").style("display: inline")
                 with ui.element("div").classes("fields"):
-                    for setting in self._settings:
-                        if setting.advanced:
-                            self._field(setting)
-        self._refresh()
+                    self._make_fields(advanced=True)
 
-    def _field(self, setting: Setting) -> None:
-        value = self._chosen.get(setting.name, setting.default)
-        field = _element(setting, value)
-        field.mark(f"set-{setting.name}")
-        field.on_value_change(lambda event: self._set(setting, event.value))
-        field.on("focusin", lambda: self._help.set_text(_helped(setting)))
-        field.on("mouseenter", lambda: self._help.set_text(_helped(setting)))
-        self._fields[setting.name] = field
+    def _make_fields(self, *, advanced: bool) -> None:
+        for name, setting in self._settings.items():
+            if setting.advanced == advanced:
+                field = self._fields[name] = _element(setting)
+                field.mark(f"set-{name}")
+                field.on_value_change(lambda event, name=name: self._set(name, event.value))
+                for rests in ("focusin", "mouseenter"):
+                    field.on(rests, lambda name=name: self._explain(name))
 
-    def _set(self, setting: Setting, value: Any) -> None:
+    def _explain(self, name: str) -> None:
+        self._help.set_text(_helped(self._settings[name]))
+
+    def _set(self, name: str, value: Any) -> None:
+        if self._quietly:
+            return
         if isinstance(value, float) and value.is_integer():
             value = int(value)  # as a person writes it
-        if value in (None, "") or value == setting.default:
-            self._chosen.pop(setting.name, None)
+        if value in (None, "") or value == self._settings[name].default:
+            self._chosen.pop(name, None)
         else:
-            self._chosen[setting.name] = value
+            self._chosen[name] = value
         self._refresh()
         self._changed()
 
@@ -133,29 +145,42 @@ class Form:
         self._help.set_text("The command line is copied.")
 
 
-def _element(setting: Setting, value: Any) -> ValueElement[Any]:
-    """Return the field of a setting."""
+def _element(setting: Setting) -> ValueElement[Any]:
+    """Return the field of a setting, with nothing in it yet."""
     if setting.kind == "choice":
-        return _select(setting, value)
+        chosen = ui.select(_words(setting), label=setting.label)
+        chosen.props("outlined dense options-dense")
+        chosen.on_value_change(lambda event: _display(chosen, event.value))
+        return chosen
     if setting.kind == "switch":
-        return ui.checkbox(setting.label, value=bool(value)).props("dense")
-    field = ui.number(setting.label, value=value).props("outlined dense stack-label debounce=150")
-    field.props("step=1" if setting.kind == "integer" else "step=any")
-    return field.props('placeholder="automatic"') if setting.default is None else field
+        return ui.checkbox(setting.label).props("dense")
+    field = ui.number(setting.label).props("outlined dense stack-label debounce=150")
+    return field.props("step=1" if setting.kind == "integer" else "step=any")
 
 
-def _select(setting: Setting, value: Any) -> ui.select:
-    """Return a field of words, with the help of each where it is chosen."""
+def _write(field: ValueElement[Any], setting: Setting, value: Any) -> None:
+    """Write a value into the field of a setting."""
+    if isinstance(field, ui.select):
+        field.set_options(_words(setting), value=value or "")
+        _display(field, value)
+    elif setting.kind == "switch":
+        field.set_value(bool(value))
+    else:
+        none = setting.default is None
+        field.props('placeholder="automatic"') if none else field.props(remove="placeholder")
+        field.set_value(value)
+
+
+def _words(setting: Setting) -> dict[str, str]:
+    """Return what can be chosen, with the help of each."""
     words = {"": "automatic"} if setting.default is None else {}
     for choice in setting.choices:
         words[choice.value] = choice.value + (f" – {choice.help}" if choice.help else "")
-    field = ui.select(words, value=value or "", label=setting.label)
-    field.props("outlined dense options-dense")
+    return words
+
+
+def _display(field: ui.select, value: Any) -> None:
     field.props(f'display-value="{value or "automatic"}"')
-    field.on_value_change(
-        lambda event: field.props(f'display-value="{event.value or "automatic"}"')
-    )
-    return field
 
 
 def _helped(setting: Setting) -> str:

@@ -28,13 +28,14 @@ _LOOK = 0.02
 """Seconds between two looks at whether a request to stop has arrived."""
 
 
-_QUICK = """\
+QUICK = """\
 time: {initial: 0, final: 1}
 states: {x: {initial: 1}}
 controls: {u: {}}
 dynamics: {x: u}
 cost: {lagrange: x^2 + u^2}
 """
+"""What a process begins with, so that all it needs has been loaded once."""
 
 
 @dataclass(frozen=True)
@@ -71,11 +72,13 @@ class Noticed:
 
 def warm_up(folder: Path, tell: Tell) -> None:
     """Do something quick, so that all that a solve needs has been loaded once."""
-    carry_out(Work(_QUICK, "warm-up", {"steps": 5}, None, None, folder), tell)
+    carry_out(Work(QUICK, "warm-up", {"steps": 5}, None, None, folder), tell)
 
 
 def carry_out(work: Work, tell: Tell) -> bool:
     """Solve or compare; tell of iterations on the way, and leave the answer in the folder.
+
+    What is told are tuples of `Iterated`, an empty one at the start, and `Noticed`.
 
     Returns:
         Whether it was interrupted: the answer is the best iterate then.
@@ -83,6 +86,7 @@ def carry_out(work: Work, tell: Tell) -> bool:
     Raises:
         QuitoError: the problem or an option is refused, or the answer cannot be written.
     """
+    tell(())  # from here on a request to stop is heard
     from quito_cli.gui.answer import RESULT
     from quito_cli.problem.load import load_text
 

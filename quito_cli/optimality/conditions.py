@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from quito_cli.optimality.dilation import dilated
 from quito_cli.optimality.look import Look, bounded_states
 from quito_cli.optimality.verdicts import PLAIN, SHARP, SOLVED, judged, not_applicable
+from quito_cli.solution.median import median
 from quito_cli.solution.optimal import UNRESOLVED, Condition
 
 Array = NDArray[np.float64]
@@ -112,7 +113,7 @@ def _interior_of(look: Look, i: int) -> Condition:
     return judged(
         name,
         np.where(inside, look.gradient[:, i], 0.0),
-        float(np.median(curvature[inside])) * span,
+        float(median(curvature[inside])) * span,
         look.flow.t,
         PLAIN,
         lambda: curvature * span * why.unfollowed[:, i] + accumulated(look, i) + why.uneven[:, i],
@@ -177,7 +178,7 @@ def hamiltonian(look: Look) -> Iterator[Condition]:
     off = np.zeros(len(t))
     for spell in np.unique(spells[calm]):
         own = calm & (spells == spell)
-        off[own] = h[own] - np.median(h[own])
+        off[own] = h[own] - median(h[own])
     yield judged(
         name,
         off,

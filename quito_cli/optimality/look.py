@@ -24,7 +24,7 @@ from quito_cli.optimality.explained import Explained
 from quito_cli.optimality.flow import LEAST_STEPS, Carrier, Flow, Impulses, flow
 from quito_cli.optimality.hamiltonian import Point, Pontryagin, sampled
 from quito_cli.optimality.impulses import impulses, row_rates
-from quito_cli.optimality.marks import Looked, at_bounds, marked
+from quito_cli.optimality.marks import AT_BOUND, Looked, at_bounds, marked
 from quito_cli.optimality.panels import Panels, panels, substeps
 from quito_cli.optimality.pressing import pressed_gradient
 from quito_cli.optimality.probes import Probe
@@ -145,6 +145,11 @@ class Look:
             wide = upper - lower
         moved = ranges(self.flow.u, largest_bounds(lower, upper))
         return np.where(np.isfinite(wide) & (wide > 0), wide, moved)
+
+    @property
+    def reach(self) -> Array:
+        """How far controls may be from where they are said to be, (n_u,)."""
+        return np.asarray(AT_BOUND * self.spans)
 
     @cached_property
     def seen(self) -> Looked:

@@ -74,6 +74,11 @@ class Polished(Look):
         u, reach = self.flow.u, AT_BOUND * self.spans
         return np.asarray((u >= upper - reach) * 1.0 - (u <= lower + reach) * 1.0)
 
+    @property
+    def reach(self) -> Array:
+        """Controls are where they are said to be, (n_u,)."""
+        return np.zeros(len(self.names))
+
     @cached_property
     def active(self) -> NDArray[np.int_]:
         """−1 or +1 where a row is at its lower or upper bound; (P, rows)."""

@@ -20,6 +20,7 @@ _KINDS: dict[Kind, tuple[str, str]] = {
     "upper": ("at upper bound", COLOURS[4]),
     "interior": ("interior", "#BBBBBB"),
     "singular": ("singular", COLOURS[3]),
+    "kink": ("at a kink", COLOURS[2]),
     "active": ("on a constraint", "#444444"),
 }
 """Name and colour of each kind; a constraint that is not active is not drawn."""

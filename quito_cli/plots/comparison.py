@@ -115,12 +115,15 @@ def _by_control(
 
 def _sheet(comparison: Comparison) -> Rows:
     errors = _by_control(comparison, (on_the_whole, magnified, logarithmic, spectrum))
-    if not errors:
-        return []
-    curves = controls(comparison), states(comparison)
-    if sum(map(len, curves)) <= _SHEET_COLUMNS:
-        return [[*curves[0], *curves[1]], *errors]
-    return [row for group in curves for row in balanced(group, _SHEET_COLUMNS)] + errors
+    return arranged(controls(comparison), states(comparison), errors) if errors else []
+
+
+def arranged(controls: Sequence[Panel], states: Sequence[Panel], errors: Rows) -> Rows:
+    """Return the rows of a sheet: trajectories, and below them a row of errors a control."""
+    if len(controls) + len(states) <= _SHEET_COLUMNS:
+        return [[*controls, *states], *errors]
+    curves = [row for group in (controls, states) for row in balanced(group, _SHEET_COLUMNS)]
+    return curves + errors
 
 
 FIGURES: dict[str, Kind] = {
@@ -148,14 +151,31 @@ FIGURES: dict[str, Kind] = {
 
 def figure(comparison: Comparison, name: str) -> Figure | None:
     """Return the figure `name` of `FIGURES`; None where it has nothing to show."""
-    from matplotlib.figure import Figure
-
     kind = FIGURES[name]
     rows = kind.rows(comparison)
     if not rows:
         return None
+    methods = [(row.method, row.solution.success) for row in comparison.rows]
+    known = "" if comparison.truth is None else comparison.truth.title
+    return drawn_rows(rows, kind, comparison.title or comparison.problem, methods, known)
+
+
+def drawn_rows(
+    rows: Rows, kind: Kind, title: str, methods: Sequence[tuple[str, bool]], known: str
+) -> Figure:
+    """Return a figure of plots.
+
+    Args:
+        rows: the plots by row.
+        kind: the figure's heading and size.
+        title: of the problem.
+        methods: by number in the comparison, each with whether it is solved.
+        known: what the truth is called; empty where there is none.
+    """
+    from matplotlib.figure import Figure
+
     panels = [panel for row in rows for panel in row]
-    entries = _entries(comparison, panels)
+    entries = _entries(methods, known, panels)
     columns = legend_columns(list(entries), kind.width)
     legend = 0.22 * math.ceil(len(entries) / columns)
     size = kind.width, 0.8 + legend + kind.height * len(rows)
@@ -163,14 +183,14 @@ def figure(comparison: Comparison, name: str) -> Figure | None:
     limits = _limits(panels)
     for i, j, panel, place in places(drawn, rows, [1.0] * len(rows)):
         axes = drawn.add_subplot(place)
-        _draw(axes, panel, len(comparison.rows))
+        _draw(axes, panel, len(methods))
         axes.set_xlim(*limits[panel.axis])
         below = rows[i + 1] if i + 1 < len(rows) else ()
         if len(below) == len(rows[i]) and below[j].axis == panel.axis:
             axes.tick_params(labelbottom=False)  # they stand under the plot below
         else:
             axes.set_xlabel(panel.axis)
-    drawn.suptitle(_heading(comparison, kind))
+    drawn.suptitle(f"{plain(title)}\n{kind.heading}")
     drawn.legend(
         handles=list(entries.values()),
         labels=list(entries),
@@ -180,11 +200,6 @@ def figure(comparison: Comparison, name: str) -> Figure | None:
         handlelength=3.2,
     )
     return drawn
-
-
-def _heading(comparison: Comparison, kind: Kind) -> str:
-    title = plain(comparison.title or comparison.problem)
-    return f"{title}\n{kind.heading}"
 
 
 def _limits(panels: Sequence[Panel]) -> dict[str, tuple[float, float]]:
@@ -236,22 +251,23 @@ def _line(axes: Axes, trace: Trace, order: float, count: int) -> None:
     axes.plot(trace.x, trace.y, markevery=every, in_layout=False, **look)
 
 
-def _entries(comparison: Comparison, panels: Sequence[Panel]) -> dict[str, Artist]:
+def _entries(
+    methods: Sequence[tuple[str, bool]], truth: str, panels: Sequence[Panel]
+) -> dict[str, Artist]:
     """Return what a legend has, by its name: what is drawn, each once."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     drawn = {trace.method for panel in panels for trace in panel.traces}
     entries: dict[str, Artist] = {}
-    for number, row in enumerate(comparison.rows):
+    for number, (method, solved) in enumerate(methods):
         if number in drawn:
-            failed = "" if row.solution.success else " (NOT SOLVED)"
-            name = plain(shortened(row.method, _LONGEST)) + failed
+            name = plain(shortened(method, _LONGEST)) + ("" if solved else " (NOT SOLVED)")
             while name in entries:
                 name += "′"
             entries[name] = Line2D([], [], linewidth=1.3, **style(number))
-    if -1 in drawn and comparison.truth is not None:
-        title = plain(shortened(comparison.truth.title, _LONGEST))
+    if -1 in drawn and truth:
+        title = plain(shortened(truth, _LONGEST))
         known = title if title.startswith("reference") else f"reference: {title}"
         entries[known] = Line2D([], [], **_REFERENCE)
     if any(panel.bounds for panel in panels):

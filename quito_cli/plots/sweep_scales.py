@@ -28,6 +28,8 @@ _DARKEST, _PALEST = 0.0, 0.88
 """Of the colours of the map, for lines: the palest are not seen on white."""
 _FEW: Final = 6
 """Values told apart by colours of their own; more have a colour bar."""
+_LONGEST: Final = 24
+"""Characters of all values of a logarithmic axis that have room at its ticks."""
 _DASHES: Final[tuple[Any, ...]] = ("-", (0, (6, 2)), (0, (2, 1)), (0, (6, 1.5, 1.5, 1.5)))
 
 
@@ -57,6 +59,9 @@ def scale(plot: Axes, side: Literal["x", "y"], axis: Axis) -> None:
         drawn.set_ticks(positions(axis), labels=[plain(label) for label in axis.labels])
     elif _logarithmic(axis):
         (plot.set_xscale if side == "x" else plot.set_yscale)("log")
+        if len("".join(axis.labels)) <= _LONGEST:
+            drawn.set_ticks(positions(axis), labels=[plain(label) for label in axis.labels])
+            drawn.set_ticks([], minor=True)
     elif all(isinstance(value, int) for value in axis.values):
         from matplotlib.ticker import MaxNLocator
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from quito_cli.problem.declarations import bounds, end_values, hints, times
 from quito_cli.problem.keys import derived_state
 from quito_cli.problem.known import Known
 from quito_cli.problem.model import Constraint, Constraints, Lookup, Model
+from quito_cli.problem.recent import recent
 from quito_cli.problem.reference import check_reference, read_reference
 from quito_cli.problem.schema import Problem
 from quito_cli.problem.scopes import Scopes
@@ -27,9 +28,13 @@ from quito_cli.problem.views import read_views
 if TYPE_CHECKING:
     import casadi as ca
 
+KEPT: Final = 8
+"""Problems whose Models are kept for who asks again."""
 
+
+@recent(KEPT)
 def build(problem: Problem) -> Model:
-    """Return the Model of a problem.
+    """Return the Model of a problem; that of a problem asked for lately is the same object.
 
     Raises:
         ProblemError: with every mistake in its formulas, sizes and bounds.

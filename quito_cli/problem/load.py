@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from quito_cli.errors import UsageError
-from quito_cli.problem.library import bundled
+from quito_cli.problem.library import bundled, bundled_suites
 from quito_cli.problem.schema import Problem
 from quito_cli.problem.text.complaints import suggest
 from quito_cli.problem.text.strict_yaml import read
@@ -76,8 +76,12 @@ def changed(problem: Problem, changes: Mapping[str, str | float]) -> Problem:
     return validate(source, problem.name, problem.changes + made)
 
 
-def find(where: str | Path) -> Path:
+def find(where: str | Path, suites: Collection[str] = ()) -> Path:
     """Return the path of a problem given by path or bundled name.
+
+    Args:
+        where: as given.
+        suites: names of bundled suites, where these are understood too.
 
     Raises:
         UsageError: there is none.
@@ -95,10 +99,13 @@ def find(where: str | Path) -> Path:
     beside = next((other for other in _files_named(path) if other.is_file()), None)
     if beside:
         raise UsageError(f"there is no file {where}; did you mean {beside}?")
-    hint = suggest(path.stem, library)
+    if str(where) in bundled_suites():
+        raise UsageError(f"{where} is a suite of cases, no problem: `quito batch {where}` runs it")
+    hint = suggest(path.stem, [*library, *suites])
+    what = "problem or suite" if suites else "problem"
     raise UsageError(
-        f"there is no file {where}, and no bundled problem of that name{hint}; "
-        "`quito list` shows the bundled ones"
+        f"there is no file {where}, and no bundled {what} of that name{hint}; "
+        "`quito list` shows the bundled problems"
     )
 
 

@@ -21,6 +21,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from quito_cli.solution.median import median
 from quito_cli.transcription.control import Basis, ControlBasis
 from quito_cli.transcription.generating import GENERATING_FUNCTIONS
 from quito_cli.transcription.mesh import Mesh
@@ -152,7 +153,7 @@ def _jumps(u: Array, t: Array, most: int) -> list[tuple[int, int]]:
     """
     slopes = np.abs(np.diff(u) / np.diff(t))
     middle = (t[1:] + t[:-1]) / 2
-    least = HEIGHT / max(most * float(np.median(np.diff(t))), SHORT)
+    least = HEIGHT / max(most * float(median(np.diff(t))), SHORT)
     usual = _usual(slopes, middle, most)
     left = np.where(slopes > STEEP * usual, slopes, 0.0)
     spans: list[tuple[int, int]] = []

@@ -13,13 +13,15 @@ from quito_cli.solution.junctions import Junction
 
 Array = NDArray[np.float64]
 
-Kind = Literal["lower", "upper", "interior", "singular", "active", "inactive"]
-"""Of a control: at its lower or upper bound, between them, or between them where the Hamiltonian is
-affine in it; of a constraint: active or not."""
+Kind = Literal["lower", "upper", "interior", "singular", "kink", "active", "inactive"]
+"""Of a control: at its lower or upper bound, between them, between them where the Hamiltonian is
+affine in it, or at rest where the Hamiltonian has a kink in it; of a constraint: active or not."""
 Verdict = Literal["holds", "holds to discretization accuracy", "fails", "not applicable"]
 
 UNRESOLVED = "that the cells resolve"
 """What the reason of a condition says that does not apply for want of cells."""
+MINIMUM = "H is least over the admissible controls"
+"""Name of the condition that lesser wells of H violate."""
 HAMILTONIAN, SWITCHING = "Hamiltonian", "dH/d"
 """Names of curves: the Hamiltonian; before the label of a control, its switching function."""
 
@@ -65,7 +67,8 @@ class Extremal:
     times: Array
     """(points,) at which what follows is sampled, increasing, finer where cells are small."""
     curves: Mapping[str, Array]
-    """(points,) each, by `HAMILTONIAN`, and by `SWITCHING` with the label of each control."""
+    """(points,) each, by `HAMILTONIAN`, and by `SWITCHING` with the label of each control,
+    or of the parts of one with kinks."""
 
 
 def all_switches(arcs: Sequence[Arc], junctions: Sequence[Junction]) -> tuple[float, ...]:

@@ -21,7 +21,7 @@ OF_POLISHING = ("reason", "residual", "seconds", "cost_before", "segments", "new
 
 def write_polishing(into: Group, polishing: Polishing) -> None:
     """Write the account of a polish."""
-    steps, attributes = polishing.steps, into.group.attrs
+    steps, attributes = polishing.steps, into.attributes
     attributes["status"] = polishing.status.name
     for name in OF_POLISHING:
         attributes[name] = getattr(polishing, name)
@@ -60,7 +60,7 @@ def read_polishing(group: h5py.Group) -> Polishing:
 def write_densities(into: Group, given: Densities) -> None:
     """Write multipliers by time."""
     curve, impulses = given.curve, given.impulses
-    into.group.attrs["degree"] = curve.degree
+    into.attributes["degree"] = curve.degree
     into.axis("time", curve.times)
     into.axis("row", texts(given.labels))
     into.data("density", curve.states, "time", "row")

@@ -6,23 +6,25 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from quito_cli.problem.shapes import Ball, Block
-from quito_cli.solution.densities import Densities
 from quito_cli.solution.junctions import Junction
 from quito_cli.solution.optimal import Arc, Condition, Extremal, all_switches
 from quito_cli.solution.polishing import Polishing
-from quito_cli.solution.rounds import Refinement
 from quito_cli.solution.tally import doubts
 from quito_cli.solution.trajectory import Curve, Polynomials
 from quito_cli.solution.violations import Violation
 from quito_cli.solvers.outcome import Status
 from quito_cli.transcription.control import Basis
 from quito_cli.transcription.mesh import Mesh
+
+if TYPE_CHECKING:
+    from quito_cli.solution.densities import Densities
+    from quito_cli.solution.rounds import Refinement
 
 Array = NDArray[np.float64]
 

@@ -38,7 +38,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from quito_cli.errors import ResultFileError
-from quito_cli.solution.reading import read
 from quito_cli.solution.solution import Solution
 from quito_cli.solution.writing import FORMAT, FORMAT_VERSION
 from quito_cli.solution.writing import write as write_to
@@ -89,7 +88,7 @@ def save(solution: Solution, path: Path) -> None:
     import h5py
 
     def write(aside: Path) -> None:
-        with h5py.File(aside, "w") as file:
+        with h5py.File(aside, "w", driver="core", backing_store=True) as file:  # in one piece
             write_to(file, solution)
 
     write_aside(path, write)
@@ -102,6 +101,8 @@ def load(path: Path) -> Solution:
         ResultFileError: the file is missing, damaged, no result of quito, or of a newer format.
     """
     import h5py
+
+    from quito_cli.solution.reading import read
 
     if not path.is_file():
         raise ResultFileError(f"there is no file {path}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from quito_cli.solution.optimal import UNRESOLVED, Condition
+from quito_cli.solution.optimal import MINIMUM, UNRESOLVED, Condition
 
 CAVEAT = "It certifies an extremal, not a global optimum."
 """What no certificate of necessary conditions says."""
@@ -68,13 +68,21 @@ def told(condition: Condition) -> str:
 
 
 def doubts(certificate: Sequence[Condition]) -> tuple[str, ...]:
-    """Return a warning where a condition fails, as a sentence that says what to do."""
+    """Return warnings where conditions fail, as sentences that say what to do."""
     failed = failing(certificate)
-    if not failed:
-        return ()
+    lesser = tuple(
+        f"The answer stays in a lesser well of the Hamiltonian: {one.reason}. Start again with "
+        "that control as `guess`"
+        for one in failed
+        if one.condition == MINIMUM
+    )
+    if len(failed) == len(lesser):
+        return lesser
     others = f" ({len(failed)} conditions fail in all)" if len(failed) > 1 else ""
+    first = next(one for one in failed if one.condition != MINIMUM)
     return (
-        f"Pontryagin's conditions do not all hold{others}: {told(failed[0])}. Solve again with "
+        f"Pontryagin's conditions do not all hold{others}: {told(first)}. Solve again with "
         "more cells or --mesh adaptive; what fails then too is no matter of accuracy, and this "
         "answer no optimum: try another guess",
+        *lesser,
     )

@@ -14,6 +14,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from quito_cli.solution.median import median
+
 Array = NDArray[np.float64]
 
 JUMP = 0.05
@@ -80,7 +82,7 @@ def _jump_zones(samples: Array, width: int, limit: float) -> NDArray[np.bool_]:
     change = np.abs(nodes[2:] - nodes[:-2])
     around = np.pad(change, 16, mode="reflect") if len(change) > 16 else change[None, :]
     windows = sliding_window_view(around, 33) if len(change) > 16 else around
-    usual = np.median(windows, axis=-1)
+    usual = median(windows)
     for cell in np.nonzero((change > limit) & (change > STEEPER * usual))[0] + 1:
         zones[max((cell - ZONE) * width, 0) : (cell + ZONE) * width + 1] = True
     return zones

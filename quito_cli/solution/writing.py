@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.solution.groups import Group, texts
+from quito_cli.solution.groups import Attributes, Group, texts
 from quito_cli.solution.optimal import Arc, Condition, Extremal
-from quito_cli.solution.polish_file import write_densities, write_polishing
-from quito_cli.solution.rounds import Refinement, Round
 from quito_cli.solution.solution import Drawing, Evidence, Solution
 from quito_cli.solution.trajectory import Polynomials, Trajectory
 from quito_cli.transcription.control import ControlBasis
 
 if TYPE_CHECKING:
     import h5py
+
+    from quito_cli.solution.rounds import Refinement
 
 Array = NDArray[np.float64]
 
@@ -41,13 +41,13 @@ def write(file: h5py.File, solution: Solution) -> None:
 
     import quito_cli
 
-    file.attrs["format"] = FORMAT
-    file.attrs["format_version"] = FORMAT_VERSION
+    root = Attributes(file.id)
+    root["format"], root["format_version"] = FORMAT, FORMAT_VERSION
     versions = {"quito": quito_cli.__version__, "casadi": casadi.CasadiMeta.version()}
     versions |= {"numpy": np.__version__, "h5py": h5py.__version__}
     versions |= {"python": platform.python_version()}
     for name, version in versions.items():
-        file.attrs[f"{name}_version"] = version
+        root[f"{name}_version"] = version
     _write_problem(Group(file, "problem"), solution)
     _write_trajectory(Group(file, "trajectory"), solution)
     _write_interpolation(Group(file, "interpolation"), solution)
@@ -58,18 +58,15 @@ def write(file: h5py.File, solution: Solution) -> None:
         _write_refinement(Group(file, "refinement"), solution.refinement)
     if solution.extremal is not None:
         _write_extremal(Group(file, "optimality"), solution.extremal)
-    if solution.polishing is not None:
-        write_polishing(Group(file, "polishing"), solution.polishing)
-    if solution.densities is not None:
-        write_densities(Group(file, "densities"), solution.densities)
+    _write_polish(file, solution)
     multipliers = Group(file, "multipliers")
     for name, values in sorted(solution.multipliers.items()):
         key = name.replace(" ", "_")
         axes = solution.multiplier_axes[name]
         multipliers.axis(f"{key}_time", axes.times)
         multipliers.axis(f"{key}_row", texts(axes.labels))
-        multipliers.data(key, values, f"{key}_time", f"{key}_row")
-        multipliers.group[key].attrs["block"] = name
+        written = multipliers.data(key, values, f"{key}_time", f"{key}_row")
+        written["block"] = name
     iterations = Group(file, "iterations")
     length = max((len(values) for values in solution.history.values()), default=0)
     iterations.axis("iteration", np.arange(length))
@@ -83,7 +80,7 @@ def write(file: h5py.File, solution: Solution) -> None:
 def _write_problem(into: Group, solution: Solution) -> None:
     origin = solution.origin
     into.dataset("yaml", origin.text)
-    attributes = into.group.attrs
+    attributes = into.attributes
     attributes["name"], attributes["title"] = origin.name, origin.title
     attributes["sha256"] = hashlib.sha256(origin.text.encode()).hexdigest()
     attributes["changes"] = json.dumps(origin.changes)
@@ -113,7 +110,7 @@ def _write_trajectory(into: Group, solution: Solution) -> None:
 
 def _write_interpolation(into: Group, solution: Solution) -> None:
     trajectory = solution.trajectory
-    into.group.attrs["kind"] = trajectory.interpolation
+    into.attributes["kind"] = trajectory.interpolation
     into.axis("time", trajectory.times)
     into.axis("step", np.arange(len(trajectory.times) - 1))
     into.axis("state_name", texts(q.name for q in solution.origin.states))
@@ -122,7 +119,7 @@ def _write_interpolation(into: Group, solution: Solution) -> None:
         into.data("start_slope", trajectory.start_slopes, "step", "state_name")
         into.data("end_slope", trajectory.end_slopes, "step", "state_name")
     if isinstance(trajectory, Polynomials):
-        into.group.attrs["degree"] = trajectory.degree
+        into.attributes["degree"] = trajectory.degree
     if (adjoint := solution.adjoint) is not None:
         into.data("costate", adjoint.states, "time", "state_name")
         if adjoint.before is not None:
@@ -142,7 +139,7 @@ def _write_dense(into: Group, solution: Solution) -> None:
         into.axis("switching_time", np.array(reference.switching_times, dtype=float))
         for name in ("cost", "accuracy"):
             value = getattr(reference, name)
-            into.group.attrs[f"reference_{name}"] = np.nan if value is None else value
+            into.attributes[f"reference_{name}"] = np.nan if value is None else value
 
 
 def _write_control(into: Group, solution: Solution) -> None:
@@ -155,7 +152,7 @@ def _write_control(into: Group, solution: Solution) -> None:
     into.axis("parameter_name", texts(q.name for q in solution.origin.parameters))
     into.data("parameters", solution.parameters, "parameter_name")
     for name, value in basis.attributes.items():
-        into.group.attrs[name] = value
+        into.attributes[name] = value
     if isinstance(basis, ControlBasis) and basis.index_slopes is not None:
         into.axis("cell", np.arange(basis.cells))
         into.axis("side", texts(("start", "end")))
@@ -171,9 +168,23 @@ def _write_junctions(into: Group, solution: Solution) -> None:
         into.data(name, np.array([getattr(j, name) for j in found], dtype=float), "time")
 
 
+def _write_polish(file: h5py.File, solution: Solution) -> None:
+    """Write the account of a polish, and the multipliers of what it found, where they are."""
+    if solution.polishing is None and solution.densities is None:
+        return
+    from quito_cli.solution.polish_file import write_densities, write_polishing
+
+    if solution.polishing is not None:
+        write_polishing(Group(file, "polishing"), solution.polishing)
+    if solution.densities is not None:
+        write_densities(Group(file, "densities"), solution.densities)
+
+
 def _write_refinement(into: Group, refinement: Refinement) -> None:
+    from quito_cli.solution.rounds import Round
+
     rounds, account = refinement.rounds, refinement.account
-    into.group.attrs["kept"], into.group.attrs["outcome"] = refinement.kept, refinement.outcome
+    into.attributes["kept"], into.attributes["outcome"] = refinement.kept, refinement.outcome
     into.axis("round", np.arange(len(rounds)))
     into.data("cells", np.array([one.cells for one in rounds]), "round")
     for field in fields(Round):
@@ -190,7 +201,7 @@ def _write_refinement(into: Group, refinement: Refinement) -> None:
     inner.axis("side", texts(("start", "end")))
     inner.data("left_out", zones, "zone", "side")
     for name, value in numbers.items():
-        inner.group.attrs[name] = value
+        inner.attributes[name] = value
 
 
 def _write_extremal(into: Group, extremal: Extremal) -> None:
@@ -216,7 +227,7 @@ def _write_fields(into: Group, kind: Any, values: tuple[Any, ...], axis: str) ->
 
 def _write_statistics(into: Group, solution: Solution) -> None:
     evidence = solution.evidence
-    attributes = into.group.attrs
+    attributes = into.attributes
     attributes["status"], attributes["success"] = solution.status.name, solution.success
     attributes["status_sentence"] = solution.status.value
     attributes["cost"] = solution.cost
@@ -239,7 +250,7 @@ def _write_statistics(into: Group, solution: Solution) -> None:
 
 
 def _write_drawing(into: Group, drawing: Drawing, times: Array) -> None:
-    into.group.attrs["name"], into.group.attrs["title"] = drawing.name, drawing.title
+    into.attributes["name"], into.attributes["title"] = drawing.name, drawing.title
     into.axis("curve", texts(drawing.curves))
     into.axis("time", times)
     into.axis("axis", texts(drawing.labels))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from quito_cli.solvers.program import Program, Start, start_at
 from quito_cli.solvers.residuals import JUDGED_AT, Residuals, residuals
 from quito_cli.solvers.table import AUTOMATIC, SOLVERS, backend
 from quito_cli.transcription.transcribe import Nlp
+
+if TYPE_CHECKING:
+    from quito_cli.solvers.engines import Engine
 
 __all__ = [
     "AUTOMATIC",
@@ -126,21 +129,28 @@ def _check(row: Backend, nlp: Nlp, start: Start | None) -> None:
 
 def _solved(nlp: Nlp, request: Request, start: Start | None) -> Outcome:
     """Return the outcome in terms of all unknowns."""
-    from quito_cli.solvers import child
-    from quito_cli.solvers.engines import ENGINES
-
     whole = Program.of(nlp, start)
     row = request.backend
     if (row.isolated or row.engine == "scipy") and not whole.finite(whole.guess):
         return _undefined(whole, row)  # some of these would never end
     program = whole.of_free_unknowns() if row.only_free else whole
-    engine = child.solve if row.isolated else ENGINES[row.engine]()
-    outcome = engine(program, request)
+    outcome = _engine(row)(program, request)
     if not row.only_free:
         return outcome
     w, lam_w = np.where(whole.free, 0.0, whole.lower), np.zeros(len(whole.lower))
     w[whole.free], lam_w[whole.free] = outcome.w, outcome.lam_w
     return replace(outcome, w=w, lam_w=lam_w)
+
+
+def _engine(row: Backend) -> Engine:
+    """Return what solves programs, in a process of its own where that is safer."""
+    if row.isolated:
+        from quito_cli.solvers import child
+
+        return child.solve
+    from quito_cli.solvers.engines import ENGINES
+
+    return ENGINES[row.engine]()
 
 
 def _undefined(program: Program, row: Backend) -> Outcome:

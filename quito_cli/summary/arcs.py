@@ -18,7 +18,7 @@ _MOST_ARCS, _MOST_LISTS = 8, 6
 """Arcs of a control, and controls and constraints, in a summary; all are in the result."""
 _WIDTH = 90
 """Of a line of arcs."""
-_WORDS = {"active": "on a constraint"}
+_WORDS = {"active": "on a constraint", "kink": "at a kink"}
 """Of the kinds of a control's arcs, where the kind itself is none."""
 
 

@@ -43,11 +43,16 @@ def _under(label: str, lines: list[str]) -> list[tuple[str, str]]:
 
 def said_of(solution: Solution, junction: Junction) -> str:
     """Return when a jump or kink is, and of what from where to where."""
+    return f"{instant(junction.time, junction.uncertainty)}  {change_of(solution, junction)}"
+
+
+def change_of(solution: Solution, junction: Junction) -> str:
+    """Return of what a jump or kink is, from where to where."""
     name = solution.origin.controls[junction.control].name
     size = max(abs(junction.before), abs(junction.after))
     before, after = _rounded(junction.before, size), _rounded(junction.after, size)
     what = f"jumps {before} → {after}" if junction.kind == "jump" else f"bends at {before}"
-    return f"{instant(junction.time, junction.uncertainty)}  {name} {what}"
+    return f"{name} {what}"
 
 
 def _rounded(value: float, size: float) -> str:

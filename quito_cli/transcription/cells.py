@@ -132,7 +132,7 @@ class Discretization:
 
 def _offsets(scheme: Scheme, substeps: int) -> Array:
     places = [(j + c) / substeps for j in range(substeps) for c in scheme.offsets]
-    return np.unique(np.round(places, 14))
+    return np.array(sorted(set(np.round(places, 14).tolist())))
 
 
 def points_seen(scheme: Scheme, substeps: int, cells: int) -> int:

@@ -35,7 +35,7 @@ class Mesh:
         Raises:
             UsageError: there are more pieces than cells.
         """
-        ends = np.unique(np.concatenate([[0.0, 1.0], points]))
+        ends = np.array(sorted({0.0, 1.0, *points.tolist()}))
         pieces = len(ends) - 1
         if pieces > cells:
             raise UsageError(

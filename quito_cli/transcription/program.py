@@ -97,7 +97,7 @@ def _settled(model: Model, constraint: Constraint, fixed: Bounds, instant: Insta
     if ca.depends_on(constraint.value, ca.vertcat(*unknowns)):
         return False
     pattern = ca.jacobian_sparsity(constraint.value, model.x)
-    used = np.unique(np.array(pattern.get_triplet()[1], dtype=np.int64))
+    used = sorted(set(pattern.get_triplet()[1]))
     if not fixed.fixed[used].all():
         return False
     x = np.where(fixed.fixed, fixed.lower, 0.0)

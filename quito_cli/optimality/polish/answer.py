@@ -18,12 +18,13 @@ certificate is recomputed with the arcs and multipliers that are known.
 from __future__ import annotations
 
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from quito_cli.optimality.apart import merged_extremal, merged_junctions, merged_point
 from quito_cli.optimality.certificate import certify
 from quito_cli.optimality.hamiltonian import Pontryagin, pontryagin
 from quito_cli.optimality.polish.exact import Exact, Sampled
@@ -36,13 +37,14 @@ from quito_cli.solution.optimal import Extremal
 from quito_cli.solution.trajectory import Polynomials
 from quito_cli.solvers import judged
 from quito_cli.solvers.outcome import Outcome, Status
-from quito_cli.solvers.residuals import residuals
+from quito_cli.solvers.residuals import Residuals, residuals
 from quito_cli.transcription.collocation import Collocation
 from quito_cli.transcription.legendre import radau
 from quito_cli.transcription.mesh import Mesh
 from quito_cli.transcription.transcribe import Nlp, transcribe, wanted_scale
 
 if TYPE_CHECKING:
+    from quito_cli.optimality.parts import Parts
     from quito_cli.problem.model import Model
     from quito_cli.problem.schema import Problem
     from quito_cli.solution.polishing import Polishing
@@ -75,6 +77,69 @@ def answer(
         polishing: the account of the polish.
         seconds: what the polish took until now.
     """
+    return _written(problem, model, options, exact, direct, polishing, seconds).solution
+
+
+def answer_of_parts(
+    problem: Problem,
+    parts: Parts,
+    options: Options,
+    exact: Exact,
+    direct: Solution,
+    polishing: Polishing,
+    seconds: float,
+) -> tuple[Solution, Solution]:
+    """Return an exact extremal in parts of controls as a Solution, and that of the whole.
+
+    Its certificate is that of the parts; all other evidence is found anew, of the controls.
+
+    Args:
+        problem: what was solved.
+        parts: its Model, and that of the parts.
+        options: as resolved for the direct solve.
+        exact: the extremal, of the parts.
+        direct: the answer that it was polished from, of the parts.
+        polishing: the account of the polish.
+        seconds: what the polish took until now.
+    """
+    done = _written(problem, parts.model, options, exact, direct, polishing, seconds)
+    point = merged_point(parts, done.nlp, done.outcome, done.found, None)
+    own, said = done.solution, done.solution.options
+    building = own.statistics.build_seconds
+    whole = extract(problem, *point, said, building)
+    return own, replace(
+        whole,
+        times=own.times,
+        trajectory=own.trajectory,
+        adjoint=own.adjoint,
+        costates=own.costates,
+        densities=own.densities,
+        junctions=merged_junctions(parts, own),
+        refinement=own.refinement,
+        polishing=own.polishing,
+        extremal=None if own.extremal is None else merged_extremal(parts, own.extremal),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Written:
+    """An extremal as a point of a program, and as an answer."""
+
+    nlp: Nlp
+    outcome: Outcome
+    found: Residuals
+    solution: Solution
+
+
+def _written(
+    problem: Problem,
+    model: Model,
+    options: Options,
+    exact: Exact,
+    direct: Solution,
+    polishing: Polishing,
+    seconds: float,
+) -> _Written:
     started = time.perf_counter()
     system, degree = pontryagin(model), len(exact.offsets.points)
     fractions = (exact.nodes - exact.nodes[0]) / (exact.nodes[-1] - exact.nodes[0])
@@ -94,7 +159,8 @@ def answer(
         polishing=polishing,
         extremal=Extremal(exact.arcs, (), np.zeros(0), {}),
     )
-    return replace(solution, extremal=certify(model, solution))
+    solution = replace(solution, extremal=certify(model, solution))
+    return _Written(nlp, outcome, found, solution)
 
 
 def _outcome(

@@ -17,9 +17,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from quito_cli.optimality.apart import mixed, split_answer
+from quito_cli.optimality.certificate import certify
 from quito_cli.optimality.hamiltonian import pontryagin
 from quito_cli.optimality.look import Look
-from quito_cli.optimality.polish.answer import answer
+from quito_cli.optimality.parted import parted
+from quito_cli.optimality.polish.answer import answer, answer_of_parts
 from quito_cli.optimality.polish.attempts import Ending, Log
 from quito_cli.optimality.polish.direct import Direct
 from quito_cli.optimality.polish.search import search
@@ -41,6 +44,8 @@ LEAST_SECONDS = 5.0
 def polish(problem: Problem, model: Model, options: Options, direct: Solution) -> Solution:
     """Return the polished answer, or the direct one with the account of why it stands.
 
+    Controls with kinks are polished in parts.
+
     Args:
         problem: what was solved.
         model: its Model.
@@ -48,13 +53,24 @@ def polish(problem: Problem, model: Model, options: Options, direct: Solution) -
         direct: its answer, with its arcs.
     """
     started, log = time.perf_counter(), Log()
-    ended = sought(model, direct, log)
+    parts, sought_of, near = parted(model), model, direct
+    if parts is not None:
+        if parts.told:
+            log.tell("assume", f"controls with kinks are taken apart: {parts.told}")
+        sought_of, near = parts.model, split_answer(parts, direct)
+        near = replace(near, extremal=certify(parts.model, near))
+    ended = sought(sought_of, near, log)
     account = _account(ended, log, time.perf_counter() - started, direct)
     if ended.extremal is None:
         return replace(direct, polishing=account)
     extremal = exact(ended.extremal, account.residual)
-    polished = answer(problem, model, options, extremal, direct, account, account.seconds)
-    refusal = _refusal(polished)
+    if parts is None:
+        polished = answer(problem, model, options, extremal, direct, account, account.seconds)
+        refusal = _refusal(polished)
+    else:
+        given = (problem, parts, options, extremal, near, account, account.seconds)
+        own, polished = answer_of_parts(*given)
+        refusal = _refusal(own) or mixed(parts, own, polished)
     if not refusal:
         return polished
     steps = (*account.steps[:-1], PolishStep("refuse", refusal))

@@ -184,7 +184,8 @@ class Setting:
             ]
         for i in (*self.controls.of_kind("kinked"), *self.controls.of_kind("absent")):
             if kinds[i] in ("free", "singular"):
-                why = "has a kink in it" if self.controls.kinds[i] == "kinked" else "is without it"
+                kinked = self.controls.kinds[i] == "kinked"
+                why = "has a jump in it, or a kink that moves" if kinked else "is without it"
                 raise UnsupportedError(
                     f"{self.name(i)} is between its bounds where the Hamiltonian {why}"
                 )

@@ -158,64 +158,60 @@ def _window(line: str, column: int) -> tuple[str, int, int]:
 
 # What PyYAML and libyaml say (the two differ in words), and what a person can do about it. The
 # first row that is found in "context: problem, where on the line" counts.
-_SYNTAX = tuple(
-    (re.compile(pattern), sentence)
-    for pattern, sentence in (
-        (r"tab character|'\\t'", "a tab cannot indent a line: use spaces"),
-        (r"cannot start any token", "a value cannot begin with {found}: quote it"),
-        (r"find expected ':'", "expected 'name: value', but there is no ': ' in this line"),
-        (
-            r"sequence entries are not allowed",
-            "'- ' begins a list entry, which cannot stand here: quote the expression, or write"
-            " the minus sign without the blank after it",
-        ),
-        (
-            r"mapping values are not allowed",
-            "a ':' cannot stand here: quote a text that holds one, or check the indentation",
-        ),
-        (r"unexpected ':'", "a blank must follow this ':'"),
-        (r"mapping keys are not allowed", "'? ' cannot stand here: quote the text"),
-        (r"unexpected end of stream", "the quote opened in line {opened} is never closed"),
-        (
-            r"unexpected document (indicator|separator)",
-            "the quote opened in line {opened} is not closed before this line of '---' or '...'",
-        ),
-        (r"escape|hexad|hexdec", "unknown escape inside double quotes: use single quotes instead"),
-        (
-            r"block scalar",
-            "a value that begins with '>' or '|' is a block of text to YAML: quote the expression",
-        ),
-        (
-            r"scanning an (anchor|alias)",
-            "a value that begins with '*' or '&' is an alias or anchor to YAML: quote the"
-            " expression",
-        ),
-        (r" tag", "a value that begins with '!' is a tag to YAML: quote the text"),
-        (r"directive|incompatible", "a line that begins with '%' is a YAML directive: remove it"),
-        (
-            r"flow sequence.*expected ','",
-            "expected ',' or ']' in the list opened in line {opened}, but found {found}",
-        ),
-        (
-            r"flow mapping.*expected ','",
-            "expected ',' or '}}' in the braces opened in line {opened}, but found {found}",
-        ),
-        (r"(node content|block mapping).*, found ':'", "a name is missing before this ':'"),
-        (r"node content", "expected a value, but found {found}"),
-        (
-            r"(block (mapping|collection)|<document start>).*within",
-            "nothing can follow a closing quote or bracket: quote the whole expression",
-        ),
-        (
-            r"block collection",
-            "expected '- ', as in the list that begins in line {opened}: check the indentation",
-        ),
-        (
-            r"block mapping",
-            "expected 'name: value', indented as in line {opened}: check the indentation",
-        ),
-        (r"<document start>", "nothing can follow what stands above: check the indentation"),
-    )
+_SYNTAX = (
+    (r"tab character|'\\t'", "a tab cannot indent a line: use spaces"),
+    (r"cannot start any token", "a value cannot begin with {found}: quote it"),
+    (r"find expected ':'", "expected 'name: value', but there is no ': ' in this line"),
+    (
+        r"sequence entries are not allowed",
+        "'- ' begins a list entry, which cannot stand here: quote the expression, or write"
+        " the minus sign without the blank after it",
+    ),
+    (
+        r"mapping values are not allowed",
+        "a ':' cannot stand here: quote a text that holds one, or check the indentation",
+    ),
+    (r"unexpected ':'", "a blank must follow this ':'"),
+    (r"mapping keys are not allowed", "'? ' cannot stand here: quote the text"),
+    (r"unexpected end of stream", "the quote opened in line {opened} is never closed"),
+    (
+        r"unexpected document (indicator|separator)",
+        "the quote opened in line {opened} is not closed before this line of '---' or '...'",
+    ),
+    (r"escape|hexad|hexdec", "unknown escape inside double quotes: use single quotes instead"),
+    (
+        r"block scalar",
+        "a value that begins with '>' or '|' is a block of text to YAML: quote the expression",
+    ),
+    (
+        r"scanning an (anchor|alias)",
+        "a value that begins with '*' or '&' is an alias or anchor to YAML: quote the expression",
+    ),
+    (r" tag", "a value that begins with '!' is a tag to YAML: quote the text"),
+    (r"directive|incompatible", "a line that begins with '%' is a YAML directive: remove it"),
+    (
+        r"flow sequence.*expected ','",
+        "expected ',' or ']' in the list opened in line {opened}, but found {found}",
+    ),
+    (
+        r"flow mapping.*expected ','",
+        "expected ',' or '}}' in the braces opened in line {opened}, but found {found}",
+    ),
+    (r"(node content|block mapping).*, found ':'", "a name is missing before this ':'"),
+    (r"node content", "expected a value, but found {found}"),
+    (
+        r"(block (mapping|collection)|<document start>).*within",
+        "nothing can follow a closing quote or bracket: quote the whole expression",
+    ),
+    (
+        r"block collection",
+        "expected '- ', as in the list that begins in line {opened}: check the indentation",
+    ),
+    (
+        r"block mapping",
+        "expected 'name: value', indented as in line {opened}: check the indentation",
+    ),
+    (r"<document start>", "nothing can follow what stands above: check the indentation"),
 )
 
 
@@ -231,6 +227,6 @@ def plain_words(problem: str, *, found: str, opened: int, within: bool) -> str:
     if found:
         shown = "the end of the line" if found.isspace() else repr(found)
     for pattern, sentence in _SYNTAX:
-        if pattern.search(situation):
+        if re.search(pattern, situation):
             return sentence.format(found=shown, opened=opened)
     return "this is not YAML: check the quotes, brackets and indentation here"

@@ -37,7 +37,7 @@ _LONGEST = 1_000_000  # characters of a file
 _DEEPEST = 20  # levels of nesting; a problem file has six
 _REREADINGS = 20  # of a text whose expressions break its syntax: as many as are printed
 
-_UNREADABLE = re.compile(r"[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_UNREADABLE = yaml.reader.Reader.NON_PRINTABLE
 
 _SECOND = "a second document begins here: a file holds only one"
 _REPEAT = "repeat the value, or name it under constants"
