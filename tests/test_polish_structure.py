@@ -216,7 +216,8 @@ def test_every_free_control_has_what_determines_it(
 def test_a_control_between_its_bounds_at_a_kink_is_not_polished() -> None:
     setting = setting_of(MANY.replace("r^2 + y^2", "abs(r) + y^2"))
     with pytest.raises(
-        UnsupportedError, match="r is between its bounds where the Hamiltonian has a kink"
+        UnsupportedError,
+        match="r is between its bounds where the Hamiltonian has a jump in it, or a kink",
     ):
         setting.consistent(PLAIN)
     assert setting.consistent(HIGH) == HIGH

@@ -127,19 +127,21 @@ def _vanished(setting: Setting, structure: Structure, fault: Fault) -> Revision:
 def _sign(setting: Setting, structure: Structure, fault: Fault) -> Revision | None:
     """At the other bound an affine control has the sign that was found; a regular one is free.
 
-    Where it is at the other bound beside the fault already, dH/du has the wrong sign as soon as the
-    control has switched: there is a singular arc between.
+    Where that only moves a junction, the control being there beside the fault already, dH/du has
+    the wrong sign as soon as the control has switched: there is a singular arc between.
     """
     i, bounds = fault.control, setting.system.model.control_bounds
+    name = setting.name(i)
     if i in setting.controls.of_kind("regular"):
-        return _inserted(structure, fault, i, "free", f"{setting.name(i)} free")
+        return _inserted(structure, fault, i, "free", f"{name} free")
     other = bounds.lower[i] if fault.upper else bounds.upper[i]
     kind: Kind = ("lower" if fault.upper else "upper") if np.isfinite(other) else "singular"
-    if kind in _beside(structure, fault, i):
-        kind = "singular"
-        if not _may_be_singular(setting, structure.phases[fault.phase], i):
-            return None
-    return _inserted(structure, fault, i, kind, f"{setting.name(i)} {kind}")
+    found = _inserted(structure, fault, i, kind, f"{name} {kind}")
+    if found.structure.merged().phases != structure.phases:
+        return found
+    if not _may_be_singular(setting, structure.phases[fault.phase], i):
+        return None
+    return _inserted(structure, fault, i, "singular", f"{name} singular")
 
 
 def singular_instead(setting: Setting, structure: Structure, fault: Fault) -> Structure | None:
@@ -172,15 +174,6 @@ def bang_before(setting: Setting, structure: Structure) -> list[Structure]:
             phases = (replace(first, kinds=kinds), *wider.phases[1:])
             found.append(replace(wider, phases=phases))
     return found
-
-
-def _beside(structure: Structure, fault: Fault, i: int) -> list[Kind]:
-    """Return what a control does in the phases that a fault reaches to, without its own."""
-    start, end = _snapped(structure, fault)
-    first, last = structure.span(fault.phase, fault.phase)
-    reached = ((start == first, fault.phase - 1), (end == last, fault.phase + 1))
-    inside = range(len(structure.phases))
-    return [structure.phases[k].kinds[i] for reaches, k in reached if reaches and k in inside]
 
 
 def _may_be_singular(setting: Setting, phase: Phase, i: int) -> bool:
