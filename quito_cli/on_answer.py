@@ -24,7 +24,7 @@ STAGE = "polish"
 
 def certified(model: Model, solution: Solution) -> Solution:
     """Return an answer with what Pontryagin's conditions say of it."""
-    from quito_cli.optimality.certificate import certify
+    from quito_cli.optimality.certificate.certificate import certify
 
     return replace(solution, extremal=certify(model, solution))
 

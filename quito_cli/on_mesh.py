@@ -106,8 +106,8 @@ class Task:
         Controls with kinks are taken apart. Parts out of order are no answer: then the problem is
         solved as it stands.
         """
-        from quito_cli.optimality.apart import in_order, merged_point, split_answer
-        from quito_cli.optimality.parted import parted
+        from quito_cli.optimality.parts.apart import in_order, merged_point, split_answer
+        from quito_cli.optimality.parts.parted import parted
         from quito_cli.solvers import Status
 
         parts = parted(self.model)

@@ -13,8 +13,8 @@ from scipy.integrate import solve_ivp
 
 import quito_cli as quito
 from quito_cli.optimality.hamiltonian import pontryagin
-from quito_cli.optimality.polish.answer import answer
-from quito_cli.optimality.polish.exact import Atom, Exact, Sampled
+from quito_cli.optimality.polish.answer.answer import answer
+from quito_cli.optimality.polish.answer.exact import Atom, Exact, Sampled
 from quito_cli.problem.build import build
 from quito_cli.problem.model import Model
 from quito_cli.solution.optimal import Arc

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 import quito_cli as quito
-from quito_cli.optimality.polish.exact import Atom
+from quito_cli.optimality.polish.answer.exact import Atom
 from quito_cli.problem.load import changed, load_text
 from quito_cli.problem.schema import Problem
 

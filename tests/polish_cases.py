@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from polish_parts import phase, setting_of
 
-from quito_cli.optimality.polish.law import Law
-from quito_cli.optimality.polish.structure import Phase
+from quito_cli.optimality.polish.equations.law import Law
+from quito_cli.optimality.polish.equations.structure import Phase
 
 Array = NDArray[np.float64]
 

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.optimality.hamiltonian import pontryagin
-from quito_cli.optimality.polish.dense import Dense
-from quito_cli.optimality.polish.ends import Ends
-from quito_cli.optimality.polish.gauss import gauss
-from quito_cli.optimality.polish.newton import Scales, iterate
-from quito_cli.optimality.polish.setting import Setting
-from quito_cli.optimality.polish.start import started
-from quito_cli.optimality.polish.structure import Held, Kind, Phase, Structure
-from quito_cli.optimality.polish.system import System
+from quito_cli.optimality.polish.equations.ends import Ends
+from quito_cli.optimality.polish.equations.gauss import gauss
+from quito_cli.optimality.polish.equations.setting import Setting
+from quito_cli.optimality.polish.equations.structure import Held, Kind, Phase, Structure
+from quito_cli.optimality.polish.equations.system import System
+from quito_cli.optimality.polish.faults.dense import Dense
+from quito_cli.optimality.polish.solving.newton import Scales, iterate
+from quito_cli.optimality.polish.solving.start import started
 from quito_cli.problem.build import build
 from quito_cli.problem.load import load_text
 from quito_cli.problem.model import Bounds

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from wrong_answers import FREE_FLYING_ROBOT, bang_off_bang, moved, shifted, simulated
 
 import quito_cli as quito
-from quito_cli.optimality.certificate import certify
+from quito_cli.optimality.certificate.certificate import certify
 from quito_cli.problem.build import build
 from quito_cli.problem.library import bundled
 from quito_cli.problem.load import load_text
@@ -479,7 +479,7 @@ def test_an_answer_without_a_certificate_still_has_junctions(solve: Solve) -> No
 def test_a_hamiltonian_too_long_says_so(
     solve: Solve, model: Build, monkeypatch: pytest.MonkeyPatch, lq: str
 ) -> None:
-    monkeypatch.setattr("quito_cli.optimality.probes.MOST_OPERATIONS", 1)
+    monkeypatch.setattr("quito_cli.optimality.symbols.probes.MOST_OPERATIONS", 1)
     found: Extremal = certify(model(lq), solve(lq, steps=40))
     assert [r.verdict for r in found.certificate] == ["not applicable"]
     assert "too long" in found.certificate[0].reason

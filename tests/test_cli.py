@@ -612,11 +612,11 @@ def test_help_says_what_there_is_and_loads_nothing_heavy(command: str, tmp_path:
 def test_a_short_solve_loads_what_it_takes(tmp_path: Path) -> None:
     """Not the way to answers of other kinds, nor parts of numpy that take as long as the solve."""
     loaded, _ = loads(tmp_path, "solve", "alychan", "--no-plot")
-    assert {"casadi", "h5py", "quito_cli.optimality.certificate"} <= loaded
+    assert {"casadi", "h5py", "quito_cli.optimality.certificate.certificate"} <= loaded
     others = {
         *("matplotlib", "scipy", "numpy.ma", "numpy.polynomial"),
         *("quito_cli.refinement.refine", "quito_cli.transcription.collocation"),
-        *("quito_cli.optimality.polished", "quito_cli.optimality.lesser"),
+        *("quito_cli.optimality.looking.polished", "quito_cli.optimality.certificate.lesser"),
         *("quito_cli.solvers.child", "quito_cli.solvers.scipy"),
     }
     assert loaded.isdisjoint(others), loaded & others

@@ -19,15 +19,15 @@ from processor import within
 
 import quito_cli as quito
 from quito_cli.cli.app import main
-from quito_cli.optimality.algebra import Algebra
-from quito_cli.optimality.formulas import Formulas, formulas
 from quito_cli.optimality.hamiltonian import pontryagin
-from quito_cli.optimality.page import derivation
-from quito_cli.optimality.probes import Probe
-from quito_cli.optimality.reading import Reader, constant
-from quito_cli.optimality.sums import MOST_TERMS, TooLongError, add, atom, number
+from quito_cli.optimality.page.page import derivation
+from quito_cli.optimality.symbols.algebra import Algebra
+from quito_cli.optimality.symbols.formulas import Formulas, formulas
+from quito_cli.optimality.symbols.probes import Probe
+from quito_cli.optimality.symbols.reading import Reader, constant
+from quito_cli.optimality.symbols.sums import MOST_TERMS, TooLongError, add, atom, number
+from quito_cli.optimality.symbols.wording import Writer
 from quito_cli.optimality.transversality import transversality
-from quito_cli.optimality.wording import Writer
 from quito_cli.problem.build import build
 from quito_cli.problem.language.expressions import evaluate, parse
 from quito_cli.problem.library import bundled

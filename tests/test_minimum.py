@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from scipy.optimize import brute, fmin
 
 import quito_cli as quito
-from quito_cli.optimality.certificate import certify
+from quito_cli.optimality.certificate.certificate import certify
+from quito_cli.optimality.certificate.lesser import Search
+from quito_cli.optimality.certificate.minimum import slopes_say_all
 from quito_cli.optimality.hamiltonian import Pontryagin, pontryagin
-from quito_cli.optimality.lesser import Search
-from quito_cli.optimality.minimum import slopes_say_all
-from quito_cli.optimality.probes import Probe
+from quito_cli.optimality.symbols.probes import Probe
 from quito_cli.problem.model import Model
 from quito_cli.solution.optimal import MINIMUM, Condition
 from quito_cli.solution.tally import doubts
@@ -410,7 +410,7 @@ def test_a_hamiltonian_too_long_to_probe_is_searched(
     model: Build, solve: Solve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     system = pontryagin(model("rayleigh"))
-    monkeypatch.setattr("quito_cli.optimality.probes.MOST_OPERATIONS", 1)
+    monkeypatch.setattr("quito_cli.optimality.symbols.probes.MOST_OPERATIONS", 1)
     assert not slopes_say_all(system, Probe(system), np.ones((1, 1, 1)))
 
 

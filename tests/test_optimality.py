@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 import quito_cli as quito
 from quito_cli.optimality import Pontryagin, pontryagin
 from quito_cli.optimality.constraints import Active, active
-from quito_cli.optimality.controls import controls
-from quito_cli.optimality.elimination import eliminated, known_hamiltonian
 from quito_cli.optimality.hamiltonian import sampled
-from quito_cli.optimality.probes import Probe
+from quito_cli.optimality.looking.controls import controls
 from quito_cli.optimality.singular import Singular, singular
+from quito_cli.optimality.symbols.elimination import eliminated, known_hamiltonian
+from quito_cli.optimality.symbols.probes import Probe
 from quito_cli.optimality.transversality import point_jumps, transversality
 from quito_cli.problem.build import build
 from quito_cli.problem.library import bundled

@@ -12,7 +12,9 @@ import pytest
 from numpy.typing import NDArray
 
 import quito_cli as quito
-from quito_cli.optimality.apart import (
+from quito_cli.optimality.hamiltonian import pontryagin
+from quito_cli.optimality.looking.controls import controls
+from quito_cli.optimality.parts.apart import (
     concave,
     faithful,
     in_order,
@@ -20,12 +22,10 @@ from quito_cli.optimality.apart import (
     mixed,
     split_answer,
 )
-from quito_cli.optimality.branches import Stretch, branch, sites, terms
-from quito_cli.optimality.controls import controls
-from quito_cli.optimality.hamiltonian import pontryagin
-from quito_cli.optimality.parted import parted
-from quito_cli.optimality.parts import Cut, Parts
-from quito_cli.optimality.probes import Probe
+from quito_cli.optimality.parts.branches import Stretch, branch, sites, terms
+from quito_cli.optimality.parts.parted import parted
+from quito_cli.optimality.parts.parts import Cut, Parts
+from quito_cli.optimality.symbols.probes import Probe
 from quito_cli.problem.model import Model
 from quito_cli.solution.optimal import Arc, Extremal
 from quito_cli.solution.trajectory import Polynomials

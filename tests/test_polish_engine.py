@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from quito_cli.optimality.polish.chain import Chain, Links, Rows, solved
-from quito_cli.optimality.polish.gauss import gauss
-from quito_cli.optimality.polish.structure import Phase, Structure
+from quito_cli.optimality.polish.equations.gauss import gauss
+from quito_cli.optimality.polish.equations.structure import Phase, Structure
+from quito_cli.optimality.polish.solving.chain import Chain, Links, Rows, solved
 
 Array = NDArray[np.float64]
 

@@ -13,12 +13,12 @@ import pytest
 from numpy.typing import NDArray
 from polish_parts import Guess, phase, setting_of, solved
 
-from quito_cli.optimality.polish.adjoining import adjoined, atoms
-from quito_cli.optimality.polish.dense import Dense
-from quito_cli.optimality.polish.fault import OFFSETS, What
-from quito_cli.optimality.polish.faults import faults
-from quito_cli.optimality.polish.faults_of_curvature import legendre
-from quito_cli.optimality.polish.structure import Structure
+from quito_cli.optimality.polish.equations.structure import Structure
+from quito_cli.optimality.polish.faults.adjoining import adjoined, atoms
+from quito_cli.optimality.polish.faults.dense import Dense
+from quito_cli.optimality.polish.faults.fault import OFFSETS, What
+from quito_cli.optimality.polish.faults.faults import faults
+from quito_cli.optimality.polish.faults.faults_of_curvature import legendre
 
 Array = NDArray[np.float64]
 

@@ -21,9 +21,9 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import minimize_scalar
 
 import quito_cli as quito
-from quito_cli.optimality.polish.attempts import Log
+from quito_cli.optimality.polish.answer.written import exact
 from quito_cli.optimality.polish.polish import sought
-from quito_cli.optimality.polish.written import exact
+from quito_cli.optimality.polish.search.attempts import Log
 from quito_cli.problem.build import build
 from quito_cli.problem.load import load_text
 from quito_cli.problem.model import Model

@@ -19,7 +19,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq, fsolve
 
 import quito_cli as quito
-from quito_cli.optimality.certificate import certify
+from quito_cli.optimality.certificate.certificate import certify
 from quito_cli.problem.model import Model
 from quito_cli.solution.optimal import Arc, Extremal
 from quito_cli.solution.polishing import PolishStatus

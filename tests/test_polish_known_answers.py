@@ -17,13 +17,13 @@ from scipy.optimize import brentq
 from test_polish_gallery import COARSE, Case, account, assert_extremal, polished
 
 import quito_cli as quito
-from quito_cli.optimality.breaks import breaks
 from quito_cli.optimality.hamiltonian import pontryagin
-from quito_cli.optimality.polish.answer import answer
-from quito_cli.optimality.polish.attempts import Log
+from quito_cli.optimality.looking.breaks import breaks
+from quito_cli.optimality.polish.answer.answer import answer
+from quito_cli.optimality.polish.answer.written import exact
 from quito_cli.optimality.polish.polish import sought
-from quito_cli.optimality.polish.written import exact
-from quito_cli.optimality.probes import Probe
+from quito_cli.optimality.polish.search.attempts import Log
+from quito_cli.optimality.symbols.probes import Probe
 from quito_cli.problem.build import build
 from quito_cli.problem.load import load_text
 from quito_cli.solution.polishing import Polishing, PolishStatus

@@ -12,11 +12,11 @@ from polish_cases import CASES, HEAD, REGULAR, Case
 from polish_parts import ends_of, phase, setting_of
 from scipy.integrate import solve_ivp
 
-from quito_cli.optimality.polish.flow import Linearised, linearised
-from quito_cli.optimality.polish.gauss import gauss
-from quito_cli.optimality.polish.structure import Structure
-from quito_cli.optimality.polish.system import System
-from quito_cli.optimality.polish.unknowns import Segments
+from quito_cli.optimality.polish.equations.gauss import gauss
+from quito_cli.optimality.polish.equations.structure import Structure
+from quito_cli.optimality.polish.equations.system import System
+from quito_cli.optimality.polish.equations.unknowns import Segments
+from quito_cli.optimality.polish.solving.flow import Linearised, linearised
 
 Array = NDArray[np.float64]
 

@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 
 import quito_cli as quito
 from quito_cli.optimality.hamiltonian import pontryagin
-from quito_cli.optimality.look import Look
-from quito_cli.optimality.polish.assembly import assembled
-from quito_cli.optimality.polish.direct import Direct
-from quito_cli.optimality.polish.ends_held import ends_held
-from quito_cli.optimality.polish.gauss import gauss
-from quito_cli.optimality.polish.newton import iterate
-from quito_cli.optimality.polish.setting import Setting
-from quito_cli.optimality.polish.shown import shown
-from quito_cli.optimality.polish.start import started
-from quito_cli.optimality.polish.system import System
-from quito_cli.optimality.polish.unknowns import Unknowns
+from quito_cli.optimality.looking.look import Look
+from quito_cli.optimality.polish.equations.gauss import gauss
+from quito_cli.optimality.polish.equations.setting import Setting
+from quito_cli.optimality.polish.equations.system import System
+from quito_cli.optimality.polish.equations.unknowns import Unknowns
+from quito_cli.optimality.polish.reading.direct import Direct
+from quito_cli.optimality.polish.reading.ends_held import ends_held
+from quito_cli.optimality.polish.reading.shown import shown
+from quito_cli.optimality.polish.solving.assembly import assembled
+from quito_cli.optimality.polish.solving.newton import iterate
+from quito_cli.optimality.polish.solving.start import started
 from quito_cli.problem.build import build
 from quito_cli.problem.load import load_text
 

@@ -10,13 +10,13 @@ from polish_parts import phase
 
 import quito_cli as quito
 from quito_cli.optimality.hamiltonian import pontryagin
-from quito_cli.optimality.look import Look
-from quito_cli.optimality.polish.attempts import Ending, Log
-from quito_cli.optimality.polish.direct import Direct
+from quito_cli.optimality.looking.look import Look
+from quito_cli.optimality.polish.equations.setting import Setting
+from quito_cli.optimality.polish.equations.structure import Structure
 from quito_cli.optimality.polish.polish import sought
-from quito_cli.optimality.polish.setting import Setting
-from quito_cli.optimality.polish.shown import shown
-from quito_cli.optimality.polish.structure import Structure
+from quito_cli.optimality.polish.reading.direct import Direct
+from quito_cli.optimality.polish.reading.shown import shown
+from quito_cli.optimality.polish.search.attempts import Ending, Log
 from quito_cli.problem.build import build
 from quito_cli.problem.load import load_text
 from quito_cli.solution.optimal import Arc

@@ -8,10 +8,10 @@ from functools import cache
 import pytest
 from polish_parts import phase, setting_of
 
-from quito_cli.optimality.polish.fault import Fault
-from quito_cli.optimality.polish.revise import dropped, revised
-from quito_cli.optimality.polish.setting import Setting, UnsupportedError
-from quito_cli.optimality.polish.structure import Held, Kind, Phase, Structure
+from quito_cli.optimality.polish.equations.setting import Setting, UnsupportedError
+from quito_cli.optimality.polish.equations.structure import Held, Kind, Phase, Structure
+from quito_cli.optimality.polish.faults.fault import Fault
+from quito_cli.optimality.polish.search.revise import dropped, revised
 from quito_cli.solution.polishing import Action
 
 MANY = """\

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from test_store import equal
 
 import quito_cli as quito
-from quito_cli.optimality.certificate import certify
-from quito_cli.optimality.polish.exact import Atom, Exact
+from quito_cli.optimality.certificate.certificate import certify
+from quito_cli.optimality.polish.answer.exact import Atom, Exact
 from quito_cli.plots.figure import figure
 from quito_cli.solution.optimal import Condition, Kind
 from quito_cli.solution.optimal import Extremal as Extremality

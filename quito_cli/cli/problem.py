@@ -59,7 +59,7 @@ def derivation_page(problem: Problem, room: int | None, *, latex: bool) -> str:
 
     Arguments are those of `problem_page`.
     """
-    from quito_cli.optimality.page import derivation
+    from quito_cli.optimality.page.page import derivation
 
     text = plain(derivation(problem, latex=latex))
     return text if latex else f"{_heading(problem, min(_WIDTH, room or _WIDTH))}\n\n{text}"

@@ -11,6 +11,10 @@ where c is at its upper bound, ≤ 0 at its lower one, and 0 between; those of e
 sign. The normal case is taken: the cost's own multiplier is 1. (A. E. Bryson and Y.-C. Ho, Applied
 Optimal Control, 1975, chapters 2, 3 and 8; R. F. Hartl, S. P. Sethi and R. G. Vickson, SIAM Review
 37 (1995), for constraints of state and control.)
+
+What is derived of a problem: `hamiltonian`, `singular`, `constraints`, `transversality`, worked out
+by `symbols` and written out by `page`. An answer is looked at (`looking`), judged (`certificate`)
+and made exact (`polish`); controls with kinks in H are taken apart first (`parts`).
 """
 
 from quito_cli.optimality.hamiltonian import Pontryagin, pontryagin

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from quito_cli.optimality.hamiltonian import Pontryagin
-from quito_cli.optimality.probes import Probe, TooLargeError
+from quito_cli.optimality.symbols.probes import Probe, TooLargeError
 
 if TYPE_CHECKING:
     import casadi as ca

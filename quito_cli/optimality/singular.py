@@ -20,7 +20,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 from quito_cli.optimality.hamiltonian import Pontryagin
-from quito_cli.optimality.probes import MOST_OPERATIONS, Probe, TooLargeError
+from quito_cli.optimality.symbols.probes import MOST_OPERATIONS, Probe, TooLargeError
 
 if TYPE_CHECKING:
     import casadi as ca

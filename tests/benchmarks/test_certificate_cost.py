@@ -16,7 +16,7 @@ import pytest
 from measuring import GUARD, show
 
 import quito_cli as quito
-from quito_cli.optimality.certificate import certify
+from quito_cli.optimality.certificate.certificate import certify
 from quito_cli.problem.build import build
 
 ROUNDS = 9

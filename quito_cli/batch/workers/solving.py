@@ -62,7 +62,7 @@ def solve_case(
         tell: told `BEGUN`, and then the solver's Progress now and then.
     """
     import quito_cli.on_mesh
-    import quito_cli.optimality.certificate
+    import quito_cli.optimality.certificate.certificate
     import quito_cli.solution.store  # noqa: F401 - before the clock starts
 
     tell(BEGUN)

@@ -17,18 +17,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from quito_cli.optimality.apart import mixed, split_answer
-from quito_cli.optimality.certificate import certify
+from quito_cli.optimality.certificate.certificate import certify
 from quito_cli.optimality.hamiltonian import pontryagin
-from quito_cli.optimality.look import Look
-from quito_cli.optimality.parted import parted
-from quito_cli.optimality.polish.answer import answer, answer_of_parts
-from quito_cli.optimality.polish.attempts import Ending, Log
-from quito_cli.optimality.polish.direct import Direct
-from quito_cli.optimality.polish.search import search
-from quito_cli.optimality.polish.setting import Setting, UnsupportedError
-from quito_cli.optimality.polish.written import exact
-from quito_cli.optimality.probes import TooLargeError
+from quito_cli.optimality.looking.look import Look
+from quito_cli.optimality.parts.apart import mixed, split_answer
+from quito_cli.optimality.parts.parted import parted
+from quito_cli.optimality.polish.answer.answer import answer, answer_of_parts
+from quito_cli.optimality.polish.answer.written import exact
+from quito_cli.optimality.polish.equations.setting import Setting, UnsupportedError
+from quito_cli.optimality.polish.reading.direct import Direct
+from quito_cli.optimality.polish.search.attempts import Ending, Log
+from quito_cli.optimality.polish.search.search import search
+from quito_cli.optimality.symbols.probes import TooLargeError
 from quito_cli.solution.polishing import Polishing, PolishStatus, PolishStep
 
 if TYPE_CHECKING:

@@ -1,0 +1,1 @@
+"""The conditions judged, a row each."""

@@ -1,0 +1,1 @@
+"""The page of `quito show --pontryagin`: the conditions of a problem, written out."""

@@ -1,0 +1,1 @@
+"""Controls with kinks taken apart, and answers put together again."""

@@ -1,0 +1,1 @@
+"""An extremal as an answer like any other."""

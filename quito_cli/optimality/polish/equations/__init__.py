@@ -1,0 +1,1 @@
+"""What holds along an extremal of a structure: Pontryagin's system as equations."""

@@ -1,0 +1,1 @@
+"""What was solved looked at: inequalities that do not hold, each with what it asks for."""

@@ -1,0 +1,1 @@
+"""A direct answer read: its trajectories and multipliers, and the structure that it shows."""

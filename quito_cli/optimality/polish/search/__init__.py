@@ -1,0 +1,1 @@
+"""Structures tried: solved, looked at, revised, until nothing is wrong."""

@@ -1,0 +1,1 @@
+"""The equations solved: linearised along arcs, damped Gauss-Newton, segments halved."""

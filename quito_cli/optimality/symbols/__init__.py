@@ -1,0 +1,1 @@
+"""Formulas worked on: sums with exact numbers; zero or not by numbers, where those end."""
