@@ -11,7 +11,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 # Not deferred: `quito_cli.solve` is a module too, and the function is to have the name.
-from quito_cli.solve import Options, solve
+from quito_cli.options import Options
+from quito_cli.solve import solve
 
 if TYPE_CHECKING:
     from quito_cli.batch.reports.report import Report

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.on_mesh import control_basis, control_warning
+from quito_cli.options import Options
 from quito_cli.problem.build import build
 from quito_cli.problem.idle import idle
 from quito_cli.problem.model import Constraint, Model, labels
@@ -22,7 +22,7 @@ from quito_cli.problem.options import COLLOCATION
 from quito_cli.problem.schema import Problem
 from quito_cli.problem.text.complaints import Complaint, Path
 from quito_cli.solution.violations import Dense, beyond_tables
-from quito_cli.solve import Options
+from quito_cli.solving.on_mesh import control_basis, control_warning
 from quito_cli.transcription.guess import Guess, make_guess
 from quito_cli.transcription.mesh import Mesh
 

@@ -15,11 +15,11 @@ import quito_cli as quito
 from quito_cli.optimality.hamiltonian import pontryagin
 from quito_cli.optimality.polish.answer.answer import answer
 from quito_cli.optimality.polish.answer.exact import Atom, Exact, Sampled
+from quito_cli.options import Options
 from quito_cli.problem.build import build
 from quito_cli.problem.model import Model
 from quito_cli.solution.optimal import Arc
 from quito_cli.solution.polishing import Polishing, PolishStatus
-from quito_cli.solve import Options
 from quito_cli.transcription.legendre import Nodes
 
 Array = NDArray[np.float64]

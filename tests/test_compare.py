@@ -19,8 +19,8 @@ from quito_cli.comparison.measure import SAMPLES, ZONE
 from quito_cli.comparison.methods import METHODS, Method, again, method, name_of, parse
 from quito_cli.comparison.statement import differing
 from quito_cli.comparison.table import COLUMNS
+from quito_cli.options import Options
 from quito_cli.problem.load import load_text
-from quito_cli.solve import Options
 from quito_cli.solvers.outcome import Progress
 
 Solve = Callable[..., quito.Solution]

@@ -20,10 +20,10 @@ from scipy.optimize import brentq
 
 import quito_cli as quito
 from quito_cli.cli.app import main
-from quito_cli.on_mesh import SATURATION_LIMIT
+from quito_cli.options import Options
 from quito_cli.plots.generating import figure
 from quito_cli.problem.load import load_text
-from quito_cli.solve import Options
+from quito_cli.solving.on_mesh import SATURATION_LIMIT
 from quito_cli.transcription.control import ControlBasis
 from quito_cli.transcription.generating import GENERATING_FUNCTIONS
 from quito_cli.transcription.qualities import (

@@ -12,8 +12,8 @@ import typer
 from quito_cli.cli.app import app
 from quito_cli.errors import UsageError
 from quito_cli.gui.settings import Setting, command, given, idle, settings
+from quito_cli.options import ADAPTIVE_ONLY, QUASI_INTERPOLANT_ONLY, Options
 from quito_cli.problem.options import COLLOCATION_ONLY, SHOOTING_ONLY, FileOptions, RequestedOptions
-from quito_cli.solve import ADAPTIVE_ONLY, QUASI_INTERPOLANT_ONLY, Options
 from quito_cli.solvers.table import SOLVERS
 
 ADAPTIVE = set(ADAPTIVE_ONLY)

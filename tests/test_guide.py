@@ -23,8 +23,8 @@ from documents import COMMANDS, Block, blocks, code_spans, prose, run
 from scipy.optimize import brentq
 
 import quito_cli as quito
+from quito_cli.options import Options
 from quito_cli.problem.library import bundled
-from quito_cli.solve import Options
 
 ROOT = Path(__file__).parent.parent
 FOLDER = ROOT / "problems"

@@ -9,7 +9,7 @@ from typing import Any, get_args
 import pytest
 
 import quito_cli as quito
-from quito_cli.on_mesh import CLASSICAL_CONTROLS
+from quito_cli.options import ADAPTIVE_ONLY, QUASI_INTERPOLANT_ONLY, Options
 from quito_cli.problem import options as requested
 from quito_cli.problem.load import load_text
 from quito_cli.problem.options import (
@@ -18,8 +18,8 @@ from quito_cli.problem.options import (
     RequestedOptions,
     refuse_solver_option,
 )
-from quito_cli.solve import ADAPTIVE_ONLY, QUASI_INTERPOLANT_ONLY, Options
 from quito_cli.solvers import AUTOMATIC, SOLVERS
+from quito_cli.solving.on_mesh import CLASSICAL_CONTROLS
 from quito_cli.transcription.generating import GENERATING_FUNCTIONS, generating_function
 from quito_cli.transcription.schemes import SCHEMES
 

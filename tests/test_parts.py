@@ -287,9 +287,9 @@ def test_a_concave_kink_is_seen(solve: Solve, model: Build) -> None:
 
 def test_parts_out_of_order_are_no_answer(model: Build) -> None:
     """|u| for nothing of a control that must be 0: −|u| fills both parts at once."""
-    from quito_cli.on_mesh import method_on
-    from quito_cli.solve import Options
+    from quito_cli.options import Options
     from quito_cli.solvers import minimise
+    from quito_cli.solving.on_mesh import method_on
     from quito_cli.transcription.mesh import Mesh
     from quito_cli.transcription.transcribe import transcribe
 

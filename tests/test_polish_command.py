@@ -21,7 +21,6 @@ import numpy as np
 import pytest
 
 import quito_cli as quito
-from quito_cli import on_answer
 from quito_cli.cli.polishing import account
 from quito_cli.comparison.table import called, tables
 from quito_cli.plots import comparison as comparison_plots
@@ -32,6 +31,7 @@ from quito_cli.solution.optimal import Arc
 from quito_cli.solution.polishing import Polishing, PolishStatus, PolishStep
 from quito_cli.solution.trajectory import Polynomials
 from quito_cli.solvers.outcome import Progress, Status
+from quito_cli.solving import on_answer
 from quito_cli.summary.polishing import polish_rows
 
 Quito = Callable[..., tuple[int, str, str]]

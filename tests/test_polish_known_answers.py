@@ -24,11 +24,11 @@ from quito_cli.optimality.polish.answer.written import exact
 from quito_cli.optimality.polish.polish import sought
 from quito_cli.optimality.polish.search.attempts import Log
 from quito_cli.optimality.symbols.probes import Probe
+from quito_cli.options import Options
 from quito_cli.problem.build import build
 from quito_cli.problem.load import load_text
 from quito_cli.solution.polishing import Polishing, PolishStatus
 from quito_cli.solution.tally import failing
-from quito_cli.solve import Options
 
 Array = NDArray[np.float64]
 

@@ -16,10 +16,10 @@ from quito_cli.batch.suite.schema_expect import Expect
 from quito_cli.cli.solve import INTERRUPTED
 from quito_cli.comparison.table import COLUMNS
 from quito_cli.errors import GateError, QuitoError
+from quito_cli.options import Options
 from quito_cli.problem.language.functions import FUNCTIONS
 from quito_cli.problem.options import FileOptions
 from quito_cli.problem.schema import Problem
-from quito_cli.solve import Options
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -19,7 +19,6 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import quito_cli as quito
-from quito_cli.on_mesh import Task
 from quito_cli.problem.build import build
 from quito_cli.problem.load import load_text
 from quito_cli.problem.model import Known, Model
@@ -29,6 +28,7 @@ from quito_cli.refinement.grading import GROWTH, graded
 from quito_cli.refinement.monitor import local_errors
 from quito_cli.solution.junctions import junctions
 from quito_cli.solvers.outcome import Status
+from quito_cli.solving.on_mesh import Task
 from quito_cli.transcription.control import ControlBasis
 from quito_cli.transcription.generating import GENERATING_FUNCTIONS
 from quito_cli.transcription.mesh import Mesh

@@ -21,7 +21,7 @@ from quito_cli.cli.options import (
 from quito_cli.cli.output import Picture, check_folder, check_picture
 from quito_cli.cli.solve import INTERRUPTED
 from quito_cli.errors import UsageError
-from quito_cli.solve import Options
+from quito_cli.options import Options
 
 if TYPE_CHECKING:
     from quito_cli.cli.progress import ProgressLine

@@ -12,8 +12,8 @@ import typer
 
 from quito_cli.cli.options import AsJson, Quiet
 from quito_cli.errors import UsageError
-from quito_cli.on_mesh import SATURATION_LIMIT
-from quito_cli.solve import Options
+from quito_cli.options import Options
+from quito_cli.solving.on_mesh import SATURATION_LIMIT
 
 if TYPE_CHECKING:
     from quito_cli.transcription.qualities import Qualities

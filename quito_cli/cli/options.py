@@ -15,7 +15,7 @@ from typing import Annotated, Any, Final
 
 import typer
 
-from quito_cli.solve import Options
+from quito_cli.options import Options
 
 GeneratingFunction = Annotated[
     str | None,

@@ -26,13 +26,14 @@ from quito_cli.comparison.results import loaded, restated
 from quito_cli.comparison.statement import differing
 from quito_cli.comparison.truth import from_reference, from_solution
 from quito_cli.errors import UsageError
+from quito_cli.options import Options
 from quito_cli.problem.build import build
 from quito_cli.problem.load import changed, load
 from quito_cli.problem.model import Model
 from quito_cli.problem.schema import Problem
 from quito_cli.problem.text.complaints import ProblemError
 from quito_cli.solution.solution import Solution
-from quito_cli.solve import Options, solve
+from quito_cli.solve import solve
 from quito_cli.solvers.outcome import Progress
 
 Listener = Callable[[str, Progress], None]

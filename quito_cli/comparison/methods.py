@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from typing import Any, Final, get_args
 
 from quito_cli.errors import UsageError
+from quito_cli.options import QUASI_INTERPOLANT_ONLY, Options
 from quito_cli.problem.options import GeneratingFunctionName
 from quito_cli.problem.text.complaints import suggest
-from quito_cli.solve import QUASI_INTERPOLANT_ONLY, Options
 
 Settings = Mapping[str, Any]
 """Resolved options of our solve."""

@@ -16,10 +16,10 @@ from typing import Any, Final, Literal
 from pydantic import ValidationError
 
 from quito_cli.errors import UsageError
+from quito_cli.options import Options
 from quito_cli.problem.json_schema import attribute_docstrings
 from quito_cli.problem.options import COLLOCATION, FileOptions, RequestedOptions
 from quito_cli.problem.wording import expected
-from quito_cli.solve import Options
 
 Kind = Literal["integer", "number", "choice", "switch"]
 

@@ -1,7 +1,7 @@
 """What may be asked of a solve, and what a problem file may ask for.
 
-Defaults are not here: they live in `quito_cli.solve.Options`, and only there. A field that is None
-was not asked for.
+Defaults are not here: they live in `quito_cli.options.Options`, and only there. A field that is
+None was not asked for.
 """
 
 from __future__ import annotations

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from quito_cli.options import Options
 from quito_cli.problem.options import COLLOCATION
-from quito_cli.solve import Options
 from quito_cli.summary.arcs import arc_rows, pontryagin_rows
 from quito_cli.summary.meshes import junction_rows, mesh_rows
 from quito_cli.summary.polishing import polish_rows

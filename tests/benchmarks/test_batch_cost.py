@@ -54,7 +54,7 @@ def interpreter() -> tuple[float, float]:
     """Return the seconds that an interpreter takes until it can solve, and those of the
     processor."""
     started, used = time.perf_counter(), processor()
-    code = "import casadi, quito_cli.on_mesh, quito_cli.optimality.certificate.certificate"
+    code = "import casadi, quito_cli.solving.on_mesh, quito_cli.optimality.certificate.certificate"
     subprocess.run([sys.executable, "-c", code], check=True)
     return time.perf_counter() - started, processor() - used
 

@@ -16,8 +16,8 @@ import pytest
 from measuring import GUARD, show
 
 import quito_cli as quito
-from quito_cli.on_answer import STAGE
 from quito_cli.solvers.outcome import Progress
+from quito_cli.solving.on_answer import STAGE
 
 PROBLEMS = (
     *("van_der_pol", "bressan", "catalyst_mixing", "bang_bang", "rayleigh", "siri"),

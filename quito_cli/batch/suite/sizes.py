@@ -14,9 +14,9 @@ from pydantic import ValidationError
 from quito_cli.batch.suite.case import Case
 from quito_cli.batch.suite.schema_suite import Entry
 from quito_cli.errors import UsageError
+from quito_cli.options import SIZES, Options, too_large
 from quito_cli.problem.options import FileOptions
 from quito_cli.problem.text.complaints import Complaint, Path
-from quito_cli.solve import SIZES, Options, too_large
 
 
 class Sizes:

@@ -23,10 +23,10 @@ from quito_cli.batch.judging.figures import FIGURES
 from quito_cli.batch.suite.axes import Axis
 from quito_cli.batch.suite.case import Case, Ending, Figure, Finished, Scalar
 from quito_cli.errors import UsageError
+from quito_cli.options import Options
 from quito_cli.problem.load import changed
 from quito_cli.problem.schema import Problem
 from quito_cli.problem.text.complaints import ProblemError
-from quito_cli.solve import Options
 
 Array = NDArray[np.float64]
 ANSWERED = (Ending.PASSED, Ending.OUTSIDE)

@@ -61,9 +61,6 @@ def solve_case(
         watched: whether somebody looks at the progress.
         tell: told `BEGUN`, and then the solver's Progress now and then.
     """
-    import quito_cli.on_mesh
-    import quito_cli.optimality.certificate.certificate
-    import quito_cli.solution.store  # noqa: F401 - before the clock starts
 
     tell(BEGUN)
     started, used = time.perf_counter(), processor_seconds()

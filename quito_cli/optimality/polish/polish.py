@@ -32,10 +32,10 @@ from quito_cli.optimality.symbols.probes import TooLargeError
 from quito_cli.solution.polishing import Polishing, PolishStatus, PolishStep
 
 if TYPE_CHECKING:
+    from quito_cli.options import Options
     from quito_cli.problem.model import Model
     from quito_cli.problem.schema import Problem
     from quito_cli.solution.solution import Solution
-    from quito_cli.solve import Options
 
 LEAST_SECONDS = 5.0
 """That a polish may take however quick the solve before it was."""

@@ -45,11 +45,11 @@ from quito_cli.transcription.transcribe import Nlp, transcribe, wanted_scale
 
 if TYPE_CHECKING:
     from quito_cli.optimality.parts.parts import Parts
+    from quito_cli.options import Options
     from quito_cli.problem.model import Model
     from quito_cli.problem.schema import Problem
     from quito_cli.solution.polishing import Polishing
     from quito_cli.solution.solution import Solution
-    from quito_cli.solve import Options
 
 Array = NDArray[np.float64]
 

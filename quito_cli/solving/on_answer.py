@@ -11,11 +11,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from quito_cli.options import Options
     from quito_cli.problem.model import Model
     from quito_cli.problem.schema import Problem
     from quito_cli.solution.polishing import Polishing
     from quito_cli.solution.solution import Solution
-    from quito_cli.solve import Options
     from quito_cli.solvers.outcome import Listener
 
 STAGE = "polish"

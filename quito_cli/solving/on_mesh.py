@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from quito_cli.options import Options
     from quito_cli.problem.model import Model
     from quito_cli.problem.schema import Problem
     from quito_cli.solution.solution import Solution
-    from quito_cli.solve import Options
     from quito_cli.solvers import Residuals
     from quito_cli.solvers.outcome import Listener, Outcome
     from quito_cli.transcription.control import Basis, ControlBasis

@@ -6,11 +6,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from quito_cli.on_mesh import Task
     from quito_cli.refinement.refine import Solver
     from quito_cli.solution.solution import Solution
     from quito_cli.solvers.interruption import Interruption
     from quito_cli.solvers.outcome import Listener, Progress
+    from quito_cli.solving.on_mesh import Task
     from quito_cli.transcription.mesh import Mesh
 
 
