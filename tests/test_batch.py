@@ -797,8 +797,8 @@ def interrupt(*_: Any, **__: Any) -> Any:
     ("where", "said"),
     [
         ("batch.running.gathered", "no case had begun, and nothing is written"),
-        ("batch.holding.prepare", "none of 2 cases was done: the same command begins anew"),
-        ("batch.report.Report.write_html", "all 2 cases are done and kept in results"),
+        ("batch.judging.holding.prepare", "none of 2 cases was done: the same command begins anew"),
+        ("batch.reports.report.Report.write_html", "all 2 cases are done and kept in results"),
         ("plots.sweep.draw_all", "all 2 cases are done and kept in results"),
         ("cli.cases.print_summary", "all 2 cases are done and kept in results"),
     ],
@@ -820,7 +820,7 @@ def test_ctrl_c_says_at_any_time_what_is_kept(
         assert "Saved page.html, results/push-sweep.h5, results/push-sweep.png" in again.out
 
 
-@pytest.mark.parametrize("where", ["batch.sweeping.plan", "batch.dataset.save"])
+@pytest.mark.parametrize("where", ["batch.sweeps.sweeping.plan", "batch.sweeps.dataset.save"])
 def test_ctrl_c_in_a_sweep(
     where: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

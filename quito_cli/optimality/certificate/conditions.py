@@ -176,7 +176,7 @@ def hamiltonian(look: Look) -> Iterator[Condition]:
     # Where formulas jump, H does: it is looked at between.
     spells = np.searchsorted(look.breaks, t) if timely else np.zeros(len(t))
     off = np.zeros(len(t))
-    for spell in np.unique(spells[calm]):
+    for spell in set(spells[calm].tolist()):
         own = calm & (spells == spell)
         off[own] = h[own] - median(h[own])
     yield judged(
