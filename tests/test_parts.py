@@ -104,6 +104,7 @@ def test_kinks_are_where_slopes_jump_and_values_do_not(
         "sign(u)*x + u^2",  # a jump
         "if_else(u > 0, 1 + u, u)",
         "abs(u) + sign(u)*y",
+        "if_else(abs(u) > 0, 3/10 + abs(u), 0)",  # a price of being on: only zero has none
         "abs(u - x)",  # it moves
         "if_else(abs(u) < 1, u^2, 2*abs(u) - 1)",  # smooth
         "norm([u, 1e-3])",

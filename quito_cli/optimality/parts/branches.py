@@ -5,8 +5,8 @@ c = a (u_i − b) with b a number and a without controls, the formula has a bran
 
     |c| = ±a (u_i − b),      max(p, q) = p or q,      (c > 0) = 1 or 0,
 
-and a kink at u_i = b if the branches agree there and their slopes do not. If they do not agree the
-formula jumps.
+and a kink at u_i = b if the branches agree there, with the formula itself, and their slopes do not.
+If they do not agree the formula jumps.
 """
 
 from __future__ import annotations
@@ -203,7 +203,8 @@ def kinks(
             ca.substitute(above - below, u[i], ca.SX(site))
             for below, above in zip(*sides, strict=True)
         ]
-        if not probe.vanishes(apart[0]):
+        at, limit = (ca.substitute(of, u[i], ca.SX(site)) for of in (formula, sides[0][0]))
+        if not probe.vanishes(apart[0]) or not probe.vanishes(at - limit):
             return [], True
         if not probe.vanishes(apart[1]):
             found.append(site)
