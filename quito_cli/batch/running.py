@@ -17,8 +17,9 @@ from quito_cli.batch.reports.report import Report
 from quito_cli.batch.suite.case import Ending, Finished, Scalar
 from quito_cli.batch.suite.gathering import gather, selected
 from quito_cli.batch.suite.suite import Suite
+from quito_cli.batch.workers.jobs import workers_of
 from quito_cli.batch.workers.recorded import in_order, limited, recorded
-from quito_cli.batch.workers.run import Setting, workers_of
+from quito_cli.batch.workers.run import Setting
 from quito_cli.batch.workers.solving import Keep
 from quito_cli.errors import UsageError
 

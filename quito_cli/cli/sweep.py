@@ -83,8 +83,9 @@ def sweep(
         from quito_cli.batch.judging.figures import COSTLY
         from quito_cli.batch.sweeps.dataset import save
         from quito_cli.batch.sweeps.sweeping import SHOWN, known_figures, plan, suite_of
+        from quito_cli.batch.workers.jobs import workers_of
         from quito_cli.batch.workers.recorded import exit_code, limited
-        from quito_cli.batch.workers.run import Setting, workers_of
+        from quito_cli.batch.workers.run import Setting
         from quito_cli.cli.live import Live
         from quito_cli.problem.load import parse_settings
 

@@ -58,6 +58,11 @@ class Bounds:
         return iter((self.lower, self.upper))
 
     @property
+    def present(self) -> NDArray[np.bool_]:
+        """Entries that have a bound at all."""
+        return np.asarray(np.isfinite(self.lower) | np.isfinite(self.upper))
+
+    @property
     def fixed(self) -> NDArray[np.bool_]:
         """Entries that leave no choice."""
         return np.asarray(self.lower == self.upper)
@@ -79,6 +84,11 @@ class Instant:
     lower: float
     upper: float
     guess: float
+
+    @property
+    def present(self) -> NDArray[np.bool_]:
+        """Entries that have a bound at all."""
+        return np.asarray(np.isfinite(self.lower) | np.isfinite(self.upper))
 
     @property
     def fixed(self) -> bool:

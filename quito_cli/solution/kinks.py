@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from quito_cli.problem.language.rebuilding import rebuilt
+
 if TYPE_CHECKING:
     import casadi as ca
 
@@ -36,23 +38,14 @@ def corners(function: ca.Function) -> list[tuple[str, ca.SX]]:
         ca.OP_LE: "if_else",
     }
     inputs = function.sx_in()
-    work = [ca.SX(0)] * function.sz_w()
     found: list[tuple[str, ca.SX]] = []
-    for i in range(function.n_instructions()):
-        operation, into = function.instruction_id(i), function.instruction_output(i)
-        read = function.instruction_input(i)
-        if operation == ca.OP_CONST:
-            work[into[0]] = ca.SX(function.instruction_constant(i))
-        elif operation == ca.OP_INPUT:
-            work[into[0]] = inputs[read[0]].nz[read[1]]
-        elif operation != ca.OP_OUTPUT:
-            arguments = [work[j] for j in read]
-            if operation in names:
-                found.append(
-                    (names[operation], arguments[0] - (0 if len(read) == 1 else arguments[1]))
-                )
-            combine = ca.SX.unary if len(read) == 1 else ca.SX.binary
-            work[into[0]] = combine(operation, *arguments)
+
+    def seen(operation: int, arguments: list[ca.SX]) -> None:
+        if operation in names:
+            zero = arguments[0] - (arguments[1] if len(arguments) == 2 else 0)
+            found.append((names[operation], zero))
+
+    rebuilt(ca.veccat(*function.call(inputs)), inputs, seen)
     return found
 
 

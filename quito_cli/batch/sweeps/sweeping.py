@@ -12,8 +12,9 @@ from quito_cli.batch.suite.axes import Axis, axis, evenly_multiplied, known, par
 from quito_cli.batch.suite.case import Case, Finished, Scalar
 from quito_cli.batch.suite.suite import Suite
 from quito_cli.batch.sweeps.sweep import Sweep, Swept, collected, expand, place_of
+from quito_cli.batch.workers.jobs import workers_of
 from quito_cli.batch.workers.recorded import limited, recorded
-from quito_cli.batch.workers.run import Setting, workers_of
+from quito_cli.batch.workers.run import Setting
 from quito_cli.batch.workers.solving import file_stem
 from quito_cli.errors import UsageError
 from quito_cli.problem.load import find, load, text_of

@@ -8,7 +8,6 @@ worker is replaced.
 
 from __future__ import annotations
 
-import os
 import re
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -33,8 +32,6 @@ _GRACE: Final = 20.0
 _LAST_WORDS: Final = 300
 """Characters of what a dead worker printed that are told."""
 NO_LIMITS: Final = Limits(None, None)
-MOST_JOBS: Final = 1000
-"""Processes at once: more is a slip of the finger, and stops the machine."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +47,7 @@ class Setting:
     limits: Mapping[str, Limits] = field(default_factory=dict)
     """By name of the case; none where it is not named."""
     record: Collection[str] = ()
-    """Figures to be found beside those that are expected: costly ones of `batch.figures`."""
+    """Figures to be found beside those that are expected: costly ones of `judging.figures`."""
     stop: Callable[[], bool] = lambda: False
     """Asked now and then: whether to stop with what there is."""
     watch: Callable[[str, Any], None] | None = None
@@ -272,30 +269,6 @@ def refuse_tangles(cases: Sequence[Case]) -> None:
             chain.append(at)
             at = follows[at]
         settled.update(chain)
-
-
-def available() -> int:
-    """Return the processors that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
-def workers_of(jobs: int | None, cluster: str | None) -> int:
-    """Return how many cases are solved at once here.
-
-    Args:
-        jobs: as asked for; None: as many as there are processors.
-        cluster: address of a scheduler, whose workers are counted there.
-
-    Raises:
-        UsageError: the number is none, or it is said of a cluster.
-    """
-    if jobs is not None and not 1 <= jobs <= MOST_JOBS:
-        raise UsageError(f"jobs: a number from 1 to {MOST_JOBS} is expected, got {jobs}")
-    if cluster is not None and jobs is not None:
-        raise UsageError("jobs is of this machine, and a cluster has its own: leave it out")
-    return jobs or available()
 
 
 def clean(folder: Path, cases: Sequence[Case]) -> None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from quito_cli.optimality.certificate.verdicts import PLAIN, SHARP, SOLVED, judged, not_applicable
 from quito_cli.optimality.looking.dilation import dilated
-from quito_cli.optimality.looking.look import Look, bounded_states
+from quito_cli.optimality.looking.look import Look
 from quito_cli.solution.median import median
 from quito_cli.solution.optimal import UNRESOLVED, Condition
 
@@ -200,7 +200,7 @@ def blurred(look: Look) -> float:
     moves = np.abs(np.diff(f.u, axis=0, prepend=f.u[[0]]))
     blur = np.where(look.clear, 0.0, np.abs(look.point.gradient) * moves).sum()
     path = np.abs(look.impulses.path.sum(axis=1))
-    bounds = np.abs(f.bounds[:, bounded_states(look.system)])
+    bounds = np.abs(f.bounds[:, look.system.model.state_bounds.present])
     struck = np.hstack([path, bounds])
     if not struck.any() or len(f.t) < 2:
         return float(blur)

@@ -56,7 +56,7 @@ def wrong(multipliers: Array, values: Array, bounds: Bounds, size: Array | None 
 def _state_bounds(look: Look) -> Iterator[Condition]:
     """What bounds of states do to costates pushes them the way that a bound can."""
     lower, upper = look.system.model.state_bounds
-    if not (np.isfinite(lower) | np.isfinite(upper)).any():
+    if not look.system.model.state_bounds.present.any():
         return
     name = "multipliers of bounds on states: sign"
     found = look.flow.bounds

@@ -122,7 +122,7 @@ def along(carrier: Carrier, solution: Solution) -> Along:
     mu[::degree] += jumps.impulses[:-1]
     here = at_offsets(solution, places(degree))
     bounds = np.zeros((count, n))
-    bounds[:, _bounded(carrier.system)] = mu[:, _path_rows(carrier.system) :]
+    bounds[:, carrier.system.model.state_bounds.present] = mu[:, _path_rows(carrier.system) :]
     flow = Flow(
         here.x,
         here.costate,
@@ -227,8 +227,3 @@ def _impulses(
 
 def _path_rows(system: Pontryagin) -> int:
     return sum(not row.state for row in system.rows)
-
-
-def _bounded(system: Pontryagin) -> NDArray[np.bool_]:
-    lower, upper = system.model.state_bounds
-    return np.asarray(np.isfinite(lower) | np.isfinite(upper))

@@ -299,11 +299,5 @@ def _pressed(look: Look) -> Flags:
     sizes = positive(look.sizes[2].max(axis=0, initial=0.0))
     effect[0] = np.maximum(effect[0], (density[:, :, None] * by_u / sizes).max(axis=2, initial=0))
     bounds = np.abs(look.flow.bounds) / h / positive(look.costate_rates)
-    effect.append(bounds[:, bounded_states(look.system)])
+    effect.append(bounds[:, look.system.model.state_bounds.present])
     return dilated((np.hstack(effect) > PRESSES).astype(float), 1) > 0
-
-
-def bounded_states(system: Pontryagin) -> Flags:
-    """Return which states have bounds, (n_x,): the rows of states are in this order."""
-    lower, upper = system.model.state_bounds
-    return np.asarray(np.isfinite(lower) | np.isfinite(upper))

@@ -63,8 +63,7 @@ def bound_multipliers(
     layout = nlp.transcription.layout
     inner = slice(layout.shared + layout.n_x, layout.first_own - layout.n_x)
     own = slice(layout.first_own, layout.first_coefficient)
-    lower, upper = system.model.state_bounds
-    bounded = np.isfinite(lower) | np.isfinite(upper)
+    bounded = system.model.state_bounds.present
     pressing = np.zeros((values.mu.shape[0], values.mu.shape[1] - 1, layout.n_x))
     rows = len(system.rows) - int(bounded.sum())
     pressing[:, :, bounded] = _impulses(exact, values)[:-1, rows:].reshape(*pressing.shape[:2], -1)

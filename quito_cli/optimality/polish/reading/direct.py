@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quito_cli.optimality.hamiltonian import sampled
-from quito_cli.optimality.looking.look import Look, bounded_states
+from quito_cli.optimality.looking.look import Look
 from quito_cli.optimality.polish.equations.leaps import Leap
 from quito_cli.optimality.polish.equations.setting import Setting
 from quito_cli.optimality.polish.equations.structure import Held
@@ -57,7 +57,8 @@ class Direct:
             each = self.look.impulses.path[:, :, row].sum(axis=1)
             last = self.look.impulses.last[row]
         else:
-            place = np.flatnonzero(bounded_states(self.setting.system))[row - self._paths]
+            bounded = np.flatnonzero(self.setting.system.model.state_bounds.present)
+            place = bounded[row - self._paths]
             each, last = self.look.flow.bounds[:, place], 0.0
         total = np.concatenate([np.cumsum(each[::-1])[::-1], [0.0]])
         return self.look.panels.times, total + last

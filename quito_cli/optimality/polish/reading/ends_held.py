@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from quito_cli.optimality.looking.look import bounded_states
 from quito_cli.optimality.polish.equations.ends import Ends
 from quito_cli.optimality.polish.equations.structure import Phase, Structure
 from quito_cli.optimality.polish.reading.direct import Direct
@@ -73,7 +72,7 @@ def _unheld(direct: Direct, phase: Phase, bounds: Bounds, found: Array) -> Array
     """Return values at an end without those of states that the phase there holds."""
     system = direct.setting.system
     paths = sum(not row.state for row in system.rows)
-    states = np.flatnonzero(bounded_states(system))
+    states = np.flatnonzero(system.model.state_bounds.present)
     for row, _ in phase.held:
         if row >= paths and not bounds.fixed[states[row - paths]]:
             found[states[row - paths]] = np.nan
