@@ -20,13 +20,13 @@ from quito_cli.optimality.looking.arcs import arcs
 from quito_cli.optimality.looking.breaks import breaks
 from quito_cli.optimality.looking.controls import Controls, controls
 from quito_cli.optimality.looking.crossings import sharpened
-from quito_cli.optimality.looking.dilation import dilated, positive
+from quito_cli.optimality.looking.dilation import dilated
 from quito_cli.optimality.looking.explained import Explained
 from quito_cli.optimality.looking.flow import LEAST_STEPS, Carrier, Flow, Impulses, flow
 from quito_cli.optimality.looking.impulses import impulses, row_rates
 from quito_cli.optimality.looking.marks import AT_BOUND, Looked, at_bounds, marked
 from quito_cli.optimality.looking.panels import Panels, panels, substeps
-from quito_cli.optimality.looking.pressing import pressed_gradient
+from quito_cli.optimality.looking.pressing import pressed_gradient, pressing_rows
 from quito_cli.optimality.symbols.probes import Probe
 from quito_cli.problem.model import labels
 from quito_cli.solution.junctions import ranges, width
@@ -39,8 +39,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-PRESSES = 1e-3
-"""What a multiplier does to λ' or H_u, beside the size of their terms, that is not nothing."""
 STEEP = 0.02
 """Second differences of û over its range, above which the cells do not show what it does."""
 NOTHING = 1e-5
@@ -162,7 +160,7 @@ class Look:
         if rows:
             x, p = solution.state(t), solution.parameters
             values = self.carrier.rows_at(t, x, u, p)[0]
-            pressed = np.repeat(_pressed(self), _GRID + 1, axis=0)
+            pressed = np.repeat(pressing_rows(self), _GRID + 1, axis=0)
         return Looked(solution, t, u, values, pressed, _GRID + 1)
 
     @cached_property
@@ -287,17 +285,3 @@ class Look:
         horizon = self.panels.times[-1] - self.panels.times[0]
         size = np.maximum(np.abs(self.panels.costates).max(axis=0), self.least_costates)
         return np.asarray(np.maximum(self.sizes[1].max(axis=0), size / horizon))
-
-
-def _pressed(look: Look) -> Flags:
-    """Return where multipliers are not nothing beside H_x or H_u, (P, rows), with neighbours."""
-    h, path = look.panels.lengths[:, None], look.impulses.path
-    density = np.abs(path.sum(axis=1)) / h
-    by_x, by_u = (np.abs(slopes[:, : path.shape[2]]) for slopes in look.rows[1:3])
-    # An impulse may stand for all there is of μ: then it is its jump of λ that counts.
-    effect = [(density[:, :, None] * by_x / positive(look.costate_rates)).max(axis=2, initial=0)]
-    sizes = positive(look.sizes[2].max(axis=0, initial=0.0))
-    effect[0] = np.maximum(effect[0], (density[:, :, None] * by_u / sizes).max(axis=2, initial=0))
-    bounds = np.abs(look.flow.bounds) / h / positive(look.costate_rates)
-    effect.append(bounds[:, look.system.model.state_bounds.present])
-    return dilated((np.hstack(effect) > PRESSES).astype(float), 1) > 0

@@ -1,4 +1,4 @@
-"""What is left of H_u once bounds and constraints have taken their part.
+"""Which multipliers press, and what is left of H_u once bounds and constraints took their part.
 
 At a point of time u minimises H over its bounds and the active rows c(x, u) where there are
 multipliers μ of the right signs with
@@ -17,11 +17,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from quito_cli.optimality.looking.dilation import dilated, positive
+
 if TYPE_CHECKING:
     from quito_cli.optimality.looking.look import Look
 
 Array = NDArray[np.float64]
 
+PRESSES = 1e-3
+"""What a multiplier does to λ' or H_u, beside the size of their terms, that is not nothing."""
 SWEEPS = 60
 """Each μ in turn, so many times; they are few."""
 KINK = 0.005
@@ -77,3 +81,17 @@ def _sided(look: Look) -> tuple[Array, Array]:
             at = look.system.along(f.t, f.x, f.costate, u, look.solution.parameters, nu=nu)
             into[:, i] = at.gradient[:, i]
     return below, above
+
+
+def pressing_rows(look: Look) -> NDArray[np.bool_]:
+    """Return where multipliers are not nothing beside H_x or H_u, (P, rows), with neighbours."""
+    h, path = look.panels.lengths[:, None], look.impulses.path
+    density = np.abs(path.sum(axis=1)) / h
+    by_x, by_u = (np.abs(slopes[:, : path.shape[2]]) for slopes in look.rows[1:3])
+    # An impulse may stand for all there is of μ: then it is its jump of λ that counts.
+    effect = [(density[:, :, None] * by_x / positive(look.costate_rates)).max(axis=2, initial=0)]
+    sizes = positive(look.sizes[2].max(axis=0, initial=0.0))
+    effect[0] = np.maximum(effect[0], (density[:, :, None] * by_u / sizes).max(axis=2, initial=0))
+    bounds = np.abs(look.flow.bounds) / h / positive(look.costate_rates)
+    effect.append(bounds[:, look.system.model.state_bounds.present])
+    return dilated((np.hstack(effect) > PRESSES).astype(float), 1) > 0
